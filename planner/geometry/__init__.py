@@ -1,0 +1,1 @@
+"""Parametric curves: derivatives from either side, breaks, arc length, and files that hold them."""

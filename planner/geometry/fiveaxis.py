@@ -1,0 +1,141 @@
+"""A dual B-spline tool path on a table-tilting A/C machine.
+
+Two splines guide the tool: P(u) its tip, H(u) a point on its axis.  The machine positions the workpiece under a fixed
+spindle, so the axes follow from P and the unit tool axis O = (H - P)/|H - P| by
+
+    A = atan2(sqrt(Oi^2 + Oj^2), Ok),   C = atan2(Oi, Oj),
+    [X Y Z]' = [[cosC, -sinC, 0], [cosA sinC, cosA cosC, -sinA], [sinA sinC, sinA cosC, cosA]] P
+
+(Ma, Yuan, Shen, Gao, J. Computational Design and Engineering 9 (2022) 2355-2374, section 4.3).  The splines' own
+derivatives enter a CasADi expression of that map as Taylor coefficients, which gives exact axis derivatives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache, cached_property
+from typing import Any
+
+import numpy as np
+
+from planner.errors import CurveError
+from planner.geometry.curve import Curve, FloatArray, Pieces, Side, require_regular
+from planner.geometry.formula import fit_pieces
+from planner.geometry.nurbs import NurbsCurve
+
+_POLE_TOLERANCE = 1e-9  # sin A below this: C has no direction
+_UNWRAP_POINTS_PER_SPAN = 64
+
+
+@dataclass(frozen=True, eq=False)
+class DualSplineCurve(Curve):
+    """Machine axes X, Y, Z, A, C of a flank-milling path; ``tip`` is the bottom spline in workpiece coordinates.
+
+    Parameters
+    ----------
+    bottom, top : NurbsCurve
+        Tool tip and a point on the tool axis, three dimensions, one knot vector.
+    """
+
+    bottom: NurbsCurve
+    top: NurbsCurve
+    name: str = "dual_bspline_5axis"
+    axes: tuple[str, ...] = ("X", "Y", "Z", "A", "C")
+
+    def __post_init__(self) -> None:
+        if self.bottom.dim != 3 or self.top.dim != 3:
+            raise CurveError(f"{self.name}: bottom and top control points must have 3 columns each")
+        if self.bottom.domain != self.top.domain:
+            raise CurveError(f"{self.name}: bottom and top must share a parameter range")
+        apart = np.sqrt(np.sum(np.diff(self._scan[1], axis=0)[0] ** 2, axis=-1))
+        if apart.min() == 0.0:
+            raise CurveError(
+                f"{self.name}: bottom and top meet at u = {self._scan[0][int(apart.argmin())]:.9g}; no tool axis there"
+            )
+        axis = (self._scan[1][1] - self._scan[1][0]) / apart[:, None]
+        sine = np.hypot(axis[:, 0], axis[:, 1])
+        if sine.min() < _POLE_TOLERANCE:
+            raise CurveError(
+                f"{self.name}: the tool axis is vertical at u = {self._scan[0][int(sine.argmin())]:.9g}, where C is undefined"
+            )
+        require_regular(self)
+
+    @property
+    def domain(self) -> tuple[float, float]:  # type: ignore[override]
+        """Parameter range of both splines."""
+        return self.bottom.domain
+
+    @cached_property
+    def tip(self) -> Curve:
+        """The bottom spline."""
+        return self.bottom
+
+    @cached_property
+    def pieces(self) -> Pieces:
+        """Polynomial pieces fitted to the machine axes."""
+        return fit_pieces(self)
+
+    def _candidate_breaks(self) -> FloatArray:
+        return np.union1d(self.bottom._candidate_breaks(), self.top._candidate_breaks())
+
+    @cached_property
+    def _scan(self) -> tuple[FloatArray, FloatArray]:
+        """Parameters dense enough to follow C, and both splines there, (2, n, 3)."""
+        u0, u1 = self.domain
+        corners = np.concatenate([[u0], self._candidate_breaks(), [u1]])
+        steps = np.linspace(0.0, 1.0, _UNWRAP_POINTS_PER_SPAN, endpoint=False)
+        u = np.append((corners[:-1, None] + np.diff(corners)[:, None] * steps).reshape(-1), u1)
+        return u, np.stack([self.bottom.derivatives(u, 0)[0], self.top.derivatives(u, 0)[0]])
+
+    @cached_property
+    def _unwrapped(self) -> FloatArray:
+        """C without the jumps of atan2, at the scan's parameters."""
+        bottom, top = self._scan[1]
+        axis = top - bottom
+        return np.unwrap(np.arctan2(axis[:, 0], axis[:, 1]))
+
+    def _evaluate(self, u: FloatArray, order: int, side: Side) -> FloatArray:
+        if u.size == 0:
+            return np.empty((order + 1, 0, 5))
+        splines = [spline._evaluate(u, 3, side) for spline in (self.bottom, self.top)]
+        taylor = np.concatenate([np.concatenate(list(s), axis=1) for s in splines], axis=1)
+        values = _machine_axes()(taylor.T)
+        out = np.stack([np.array(values[k]).T for k in range(order + 1)])
+        near = np.interp(u, self._scan[0], self._unwrapped)
+        out[0, :, 4] += 2.0 * np.pi * np.round((near - out[0, :, 4]) / (2.0 * np.pi))
+        return out
+
+    def definition(self) -> Mapping[str, Any]:
+        """Both splines."""
+        return {"type": "dual_bspline_5axis", "bottom": self.bottom.definition(), "top": self.top.definition()}
+
+
+@cache
+def _machine_axes() -> Any:
+    """CasADi function from the splines' derivatives 0..3, (24,), to the axes' derivatives 0..3, (5,) each."""
+    import casadi
+
+    inputs = casadi.SX.sym("taylor", 24)
+    h = casadi.SX.sym("h")
+
+    def spline(first: int) -> Any:
+        c = [inputs[first + 3 * k : first + 3 * k + 3] for k in range(4)]
+        return c[0] + h * (c[1] + h * (c[2] / 2 + h * c[3] / 6))
+
+    p, axis = spline(0), spline(12) - spline(0)
+    a = casadi.atan2(casadi.sqrt(axis[0] ** 2 + axis[1] ** 2), axis[2])
+    c = casadi.atan2(axis[0], axis[1])
+    sin_a, cos_a, sin_c, cos_c = casadi.sin(a), casadi.cos(a), casadi.sin(c), casadi.cos(c)
+    derivatives = [
+        casadi.vertcat(
+            cos_c * p[0] - sin_c * p[1],
+            cos_a * sin_c * p[0] + cos_a * cos_c * p[1] - sin_a * p[2],
+            sin_a * sin_c * p[0] + sin_a * cos_c * p[1] + cos_a * p[2],
+            a,
+            c,
+        )
+    ]
+    for _ in range(3):
+        derivatives.append(casadi.jacobian(derivatives[-1], h))
+    return casadi.Function("machine", [inputs], [casadi.substitute(d, h, 0.0) for d in derivatives])

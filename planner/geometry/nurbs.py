@@ -1,0 +1,196 @@
+"""Non-uniform rational B-splines of any degree, in 2 to 6 machine axes.
+
+The control polygon is turned once into power-basis pieces (de Boor's derivative control points at each span), and only
+those are evaluated: one code for the planner, the check and the real-time side.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from math import factorial
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from planner.errors import CurveError
+from planner.geometry.curve import DEFAULT_AXES, Curve, FloatArray, Pieces, Side, require_regular
+
+MAX_DEGREE = 25  # beyond it the power basis in double precision loses the digits the interpolator needs
+
+
+@dataclass(frozen=True, eq=False)
+class NurbsCurve(Curve):
+    """A (rational) B-spline curve.
+
+        C(u) = sum_i w_i P_i N_{i,p}(u) / sum_i w_i N_{i,p}(u),   u in [knots[p], knots[n]]
+
+    Parameters
+    ----------
+    control_points : (n, dim) array_like
+        Axis positions, mm (rad for the axes A, B, C).
+    knots : (n + degree + 1,) array_like
+        Non-decreasing; an interior knot at most ``degree`` times.
+    degree : int
+        Polynomial degree p (the order less one).
+    weights : (n,) array_like, optional
+        Positive; 1 if left out.
+    axes : sequence of str, optional
+        Names; X, Y, Z, U, V, W if left out.
+    name : str
+        For messages.
+
+    Raises
+    ------
+    CurveError
+        For a malformed definition, a curve of length 0, or a cusp.
+    """
+
+    control_points: FloatArray
+    knots: FloatArray
+    degree: int
+    weights: FloatArray
+    axes: tuple[str, ...]
+    name: str
+
+    def __init__(
+        self,
+        control_points: ArrayLike,
+        knots: ArrayLike,
+        degree: int,
+        weights: ArrayLike | None = None,
+        axes: Sequence[str] | None = None,
+        name: str = "nurbs",
+        *,
+        rests_allowed: bool = False,
+    ) -> None:
+        points, knot_vector = _numbers(control_points, "control_points", name), _numbers(knots, "knots", name)
+        if points.ndim != 2 or not 2 <= points.shape[1] <= len(DEFAULT_AXES):
+            raise CurveError(f"{name}: control_points has shape {points.shape}; it must be (n, dim) with 2 <= dim <= 6")
+        count, dim = points.shape
+        weight = np.ones(count) if weights is None else _numbers(weights, "weights", name)
+        _validate(points, knot_vector, degree, weight, name)
+        for array in (points, knot_vector, weight):
+            array.setflags(write=False)
+        for field, value in (
+            ("control_points", points),
+            ("knots", knot_vector),
+            ("degree", int(degree)),
+            ("weights", weight),
+            ("axes", tuple(DEFAULT_AXES[:dim] if axes is None else axes)),
+            ("name", name),
+        ):
+            object.__setattr__(self, field, value)
+        if len(self.axes) != dim:
+            raise CurveError(f"{name}: axes names {len(self.axes)} axes, but control_points has {dim} columns")
+        if not rests_allowed:
+            require_regular(self)
+
+    @property
+    def domain(self) -> tuple[float, float]:  # type: ignore[override]
+        """Parameter range [knots[degree], knots[n]]."""
+        return float(self.knots[self.degree]), float(self.knots[-self.degree - 1])
+
+    def _evaluate(self, u: FloatArray, order: int, side: Side) -> FloatArray:
+        return self.pieces.evaluate(u, order, side)
+
+    def _candidate_breaks(self) -> FloatArray:
+        return self.pieces.breaks[1:-1]
+
+    @cached_property
+    def pieces(self) -> Pieces:
+        """The curve as power-basis pieces, exact but for rounding.
+
+        On the span [a, b] the k-th derivative at a is a B-spline of the k-times differenced control points, so each
+        coefficient costs one de Boor evaluation; none is differenced from nearby numbers.
+        """
+        p = self.degree
+        homogeneous = np.column_stack([self.control_points * self.weights[:, None], self.weights])
+        u0, u1 = self.domain
+        breaks = np.unique(self.knots[(self.knots >= u0) & (self.knots <= u1)])
+        span = np.searchsorted(self.knots, breaks[:-1], side="right") - 1
+        width = np.diff(breaks)
+        coefficients = np.empty((span.size, homogeneous.shape[1], p + 1))
+        # local[i] holds the p + 1 control points that act on span i
+        local = homogeneous[span[:, None] + np.arange(-p, 1)]
+        differenced = local
+        for k in range(p + 1):
+            degree = p - k
+            value = differenced
+            for r in range(degree, 0, -1):  # de Boor's triangle at the left end of the span
+                index = span[:, None] + np.arange(-r + 1, 1)
+                left, right = self.knots[index], self.knots[index + r]
+                blend = ((breaks[:-1, None] - left) / (right - left))[..., None]
+                value = (1.0 - blend) * value[:, :-1] + blend * value[:, 1:]
+            coefficients[:, :, k] = value[:, 0] * (width**k / factorial(k))[:, None]
+            if degree > 0:
+                index = span[:, None] + np.arange(-degree + 1, 1)
+                gap = self.knots[index + degree] - self.knots[index]
+                differenced = degree * np.diff(differenced, axis=1) / gap[..., None]
+        rational = bool(np.any(self.weights != self.weights[0]))
+        if not rational:
+            coefficients /= self.weights[0]
+            coefficients[:, -1] = 0.0
+            coefficients[:, -1, 0] = 1.0
+        return Pieces(breaks, np.ascontiguousarray(coefficients), rational)
+
+    def definition(self) -> Mapping[str, Any]:
+        """Degree, knots, control points, weights and axes."""
+        return {
+            "type": "nurbs",
+            "degree": self.degree,
+            "knots": self.knots.tolist(),
+            "control_points": self.control_points.tolist(),
+            "weights": self.weights.tolist(),
+            "axes": list(self.axes),
+        }
+
+
+def _numbers(values: ArrayLike, what: str, name: str) -> FloatArray:
+    try:
+        array = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise CurveError(f"{name}: {what} must be an array of numbers of one length each ({error})") from None
+    if not np.isfinite(array).all():
+        place = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+        index = "".join(f"[{i}]" for i in place)
+        raise CurveError(f"{name}: {what}{index} = {array[place]} must be finite")
+    return array
+
+
+def _validate(points: FloatArray, knots: FloatArray, degree: int, weights: FloatArray, name: str) -> None:
+    count = points.shape[0]
+    if isinstance(degree, bool) or not isinstance(degree, int | np.integer) or not 1 <= degree <= MAX_DEGREE:
+        raise CurveError(f"{name}: degree = {degree!r} must be an integer from 1 to {MAX_DEGREE}")
+    if count < degree + 1:
+        raise CurveError(f"{name}: {count} control points are too few; degree {degree} needs at least {degree + 1}")
+    if knots.shape != (count + degree + 1,):
+        raise CurveError(
+            f"{name}: knots has length {knots.size}; {count} control points of degree {degree} need {count + degree + 1}"
+        )
+    falling = np.flatnonzero(np.diff(knots) < 0.0)
+    if falling.size:
+        i = int(falling[0]) + 1
+        raise CurveError(
+            f"{name}: knots[{i}] = {knots[i]!r} is less than knots[{i - 1}] = {knots[i - 1]!r}; knots must not decrease"
+        )
+    if knots[degree] >= knots[count]:
+        raise CurveError(
+            f"{name}: knots[{degree}] = knots[{count}] = {knots[degree]!r}; the parameter range must not be empty"
+        )
+    inner, times = np.unique(knots, return_counts=True)
+    over = np.flatnonzero((times > degree) & (inner > knots[degree]) & (inner < knots[count]))
+    if over.size:
+        i = int(over[0])
+        raise CurveError(
+            f"{name}: knot {inner[i]!r} appears {times[i]} times; inside the range at most degree = {degree}"
+        )
+    if weights.shape != (count,):
+        raise CurveError(
+            f"{name}: weights has length {weights.size}; one for each of the {count} control points is needed"
+        )
+    if (weights <= 0.0).any():
+        i = int(np.argmax(weights <= 0.0))
+        raise CurveError(f"{name}: weights[{i}] = {weights[i]!r} must be > 0")

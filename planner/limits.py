@@ -1,0 +1,389 @@
+"""A machine's limits, the four feedrate limits they put on a curve, and machine files."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from planner.errors import InputError
+from planner.geometry.curve import DEFAULT_AXES, ROTARY_AXES, Curve, FloatArray, Side, arc_derivatives
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel, ValidationError
+
+_ALL_AXES = "XYZABCUVW"
+EXAMPLE_MACHINES = ("mill", "five-axis")
+_SCALARS = ("feed", "chord_error", "period", "tangential_acceleration", "tangential_jerk")
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """What the machine and the process allow.
+
+    Parameters
+    ----------
+    feed : float
+        Commanded feedrate of the tool tip, mm/s.
+    velocity, acceleration, jerk : (dim,) sequence of float
+        Per axis, mm/s, mm/s^2, mm/s^3 (rad in place of mm for rotary axes); inf where there is no limit.
+    chord_error : float
+        Largest distance between the path and the chord of one period, mm.
+    period : float
+        Interpolation period, s.
+    tangential_acceleration, tangential_jerk : float
+        Limits on the second and third time derivative of the arc length, mm/s^2 and mm/s^3.
+    axes : sequence of str, optional
+        Names; X, Y, Z, U, V, W if left out.
+
+    Raises
+    ------
+    InputError
+        If a value is not positive, or the three sequences differ in length.
+    """
+
+    feed: float
+    velocity: FloatArray
+    acceleration: FloatArray
+    jerk: FloatArray
+    chord_error: float = np.inf
+    period: float = 1e-3
+    tangential_acceleration: float = np.inf
+    tangential_jerk: float = np.inf
+    axes: tuple[str, ...] = field(default=())
+
+    def __init__(
+        self,
+        feed: float,
+        velocity: ArrayLike,
+        acceleration: ArrayLike,
+        jerk: ArrayLike,
+        chord_error: float = np.inf,
+        period: float = 1e-3,
+        tangential_acceleration: float = np.inf,
+        tangential_jerk: float = np.inf,
+        axes: Sequence[str] = (),
+    ) -> None:
+        given = {
+            "feed": feed,
+            "chord_error": chord_error,
+            "period": period,
+            "tangential_acceleration": tangential_acceleration,
+            "tangential_jerk": tangential_jerk,
+        }
+        for name, value in given.items():
+            object.__setattr__(self, name, _positive_number(value, name))
+        if np.isinf(self.period):
+            raise InputError("period = inf must be finite: the time between two points, s")
+        for name, values in (("velocity", velocity), ("acceleration", acceleration), ("jerk", jerk)):
+            object.__setattr__(self, name, _positive_row(values, f"axis_{name}"))
+        sizes = {self.velocity.size, self.acceleration.size, self.jerk.size}
+        if len(sizes) != 1:
+            raise InputError(
+                f"velocity, acceleration and jerk have {self.velocity.size}, {self.acceleration.size} and {self.jerk.size} "
+                "values; each needs one for every axis"
+            )
+        if self.velocity.size > 6:
+            raise InputError(f"{self.velocity.size} axes are given; 2 to 6 are allowed")
+        names = tuple(axes) if axes else DEFAULT_AXES[: self.velocity.size]
+        if len(names) != self.velocity.size:
+            raise InputError(f"axes names {len(names)} axes, but velocity has {self.velocity.size} values")
+        object.__setattr__(self, "axes", names)
+
+    @property
+    def dim(self) -> int:
+        """Number of axes."""
+        return int(self.velocity.size)
+
+    def require_matches(self, curve: Curve) -> None:
+        """Raise InputError unless there is one limit for every axis of the curve."""
+        if self.dim != curve.dim:
+            raise InputError(
+                f"the limits have {self.dim} axes ({', '.join(self.axes)}), but {curve.name} has {curve.dim} "
+                f"({', '.join(curve.axes)}); give one limit for each axis of the curve"
+            )
+
+    def with_feed(self, feed: float) -> Limits:
+        """Return the same limits with another commanded feedrate, mm/s."""
+        return self._replace(feed=feed)
+
+    def with_period(self, period: float) -> Limits:
+        """Return the same limits with another interpolation period, s."""
+        return self._replace(period=period)
+
+    def for_curve(self, curve: Curve) -> Limits:
+        """Pick the curve's axes by name out of a machine that has more of them.
+
+        Raises InputError where the machine lacks an axis of the curve.
+        """
+        if tuple(curve.axes) == self.axes:
+            return self
+        missing = [axis for axis in curve.axes if axis not in self.axes]
+        if missing:
+            raise InputError(
+                f"the machine has no axis {missing[0]}, which {curve.name} moves; its axes are {', '.join(self.axes)}"
+            )
+        index = [self.axes.index(axis) for axis in curve.axes]
+        rows = {name: getattr(self, name)[index] for name in ("velocity", "acceleration", "jerk")}
+        return self._replace(**rows, axes=curve.axes)
+
+    def _replace(self, **changes: Any) -> Limits:
+        names = (*_SCALARS, "velocity", "acceleration", "jerk", "axes")
+        return Limits(**({name: getattr(self, name) for name in names} | changes))
+
+
+@dataclass(frozen=True, eq=False)
+class FeedrateLimits:
+    """The four feedrate limits along a curve, mm/s, each with the shape of u (2022, FRLimit-1 to 4)."""
+
+    command: FloatArray
+    axis_velocity: FloatArray
+    chord_error: FloatArray
+    normal_acceleration: FloatArray
+
+    @property
+    def lowest(self) -> FloatArray:
+        """The limit that counts at every u."""
+        stacked = np.stack([self.command, self.axis_velocity, self.chord_error, self.normal_acceleration])
+        return np.asarray(stacked.min(axis=0))
+
+
+def feedrate_limits(
+    curve: Curve, limits: Limits, u: ArrayLike, *, safety: float = 1.0, side: Side = "right"
+) -> FeedrateLimits:
+    """Evaluate the four feedrate limits as functions of the curve parameter.
+
+        1  F                                     the command
+        2  min_j V_j / |t_j|                     t = dq/ds, the axes' share of the feed
+        3  (2/T) sqrt(2 rho e - e^2)             e = min(chord_error, rho)
+        4  min_j sqrt(lambda A_j / |k_j|)        k = d2q/ds2; on a plane curve k = n/rho
+
+    Parameters
+    ----------
+    curve : Curve
+    limits : Limits
+    u : array_like
+        Curve parameters.
+    safety : float
+        The factor lambda in (0, 1] of limit 4.
+    side : {"right", "left"}
+        One-sided value at a break.
+
+    Returns
+    -------
+    FeedrateLimits
+        Each limit with the shape of u, mm/s; inf where a limit does not apply (also where the tip rests).
+
+    Raises
+    ------
+    InputError
+        If the safety factor is outside (0, 1] or the axes do not match.
+    """
+    limits.require_matches(curve)
+    if not 0.0 < safety <= 1.0:
+        raise InputError(f"safety = {safety!r} must lie in (0, 1]")
+    points = np.asarray(u, dtype=np.float64)
+    flat = points.reshape(-1)
+    axes = curve.derivatives(flat, 3, side=side)
+    tip = curve.tip.derivatives(flat, 3, side=side)
+    speed = np.sqrt(np.sum(tip[1] ** 2, axis=-1))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        axis_velocity = (limits.velocity / np.abs(axes[1])).min(axis=1) * speed
+        chord = chord_feed_limit(curve.tip.curvature(flat, side=side), limits)
+        if curve.tip is curve:
+            second = arc_derivatives(axes)[2]
+        else:
+            # the axes' second derivative with respect to the TIP's arc length: q'' / v^2 - q' (p'.p'') / v^4
+            bend = np.sum(tip[1] * tip[2], axis=-1)
+            second = axes[2] / speed[:, None] ** 2 - axes[1] * (bend / speed**4)[:, None]
+        normal = np.sqrt(safety * (limits.acceleration / np.abs(second)).min(axis=1))
+    return FeedrateLimits(
+        command=np.full(points.shape, limits.feed),
+        axis_velocity=np.where(speed > 0.0, axis_velocity, np.inf).reshape(points.shape),
+        chord_error=chord.reshape(points.shape),
+        normal_acceleration=np.where(speed > 0.0, normal, np.inf).reshape(points.shape),
+    )
+
+
+def chord_feed_limit(curvature: FloatArray, limits: Limits) -> FloatArray:
+    """Feed at which the chord of one period leaves the osculating circle by the chord error, mm/s.
+
+    (2/T) sqrt(2 rho e - e^2); where the tolerance e exceeds the radius rho, it takes the radius.
+    """
+    if np.isinf(limits.chord_error):
+        return np.full(curvature.shape, np.inf)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        radius = 1.0 / curvature
+        error = np.minimum(limits.chord_error, radius)
+        limit = 2.0 / limits.period * np.sqrt(error * (2.0 * radius - error))
+    return np.where(curvature > 0.0, limit, np.inf)
+
+
+def load_limits(path: str | Path) -> Limits:
+    """Load a machine file (TOML), or one of the example machines by name.
+
+    Keys: ``feed_mm_s``, ``chord_error_mm``, ``period_s``, ``tangential_acceleration_mm_s2``,
+    ``tangential_jerk_mm_s3``, and one ``[[axis]]`` each with ``name``, ``velocity_mm_s``, ``acceleration_mm_s2``,
+    ``jerk_mm_s3`` (``_rad_s``, ``_rad_s2``, ``_rad_s3`` for the rotary axes A, B, C).  ``inf`` means no limit.
+
+    Parameters
+    ----------
+    path : str or Path
+        A ``.toml`` file, or one of :data:`EXAMPLE_MACHINES`.
+
+    Returns
+    -------
+    Limits
+
+    Raises
+    ------
+    InputError
+        Naming the file, the key, its value and what is allowed.
+    """
+    if isinstance(path, str) and path in EXAMPLE_MACHINES:
+        text = resources.files("planner").joinpath(f"data/machines/{path}.toml").read_text(encoding="utf-8")
+        return _limits_from_toml(text, path)
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except OSError as error:
+        hint = "" if Path(path).suffix else f"; example machines are {', '.join(EXAMPLE_MACHINES)}"
+        raise InputError(f"{path}: cannot be read ({error.strerror}){hint}") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: is not text; a machine file is TOML") from None
+    return _limits_from_toml(text, str(path))
+
+
+def _limits_from_toml(text: str, where: str) -> Limits:
+    from pydantic import ValidationError
+
+    try:
+        table = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{where}: not a valid TOML file ({error})") from None
+    machine, linear, rotary = _file_models()
+    axes = table.get("axis", [])
+    try:
+        head = machine.model_validate({key: value for key, value in table.items() if key != "axis"}).model_dump()
+    except ValidationError as error:
+        raise InputError(_explain(error, where, "")) from None
+    if not isinstance(axes, list) or not axes or not all(isinstance(axis, dict) for axis in axes):
+        raise InputError(
+            f'{where}: one "[[axis]]" table for each axis is needed, with name, velocity, acceleration and jerk'
+        )
+    rows: list[dict[str, Any]] = []
+    for i, axis in enumerate(axes):
+        name = axis.get("name")
+        model = rotary if isinstance(name, str) and name in ROTARY_AXES else linear
+        try:
+            rows.append(model.model_validate(axis).model_dump())
+        except ValidationError as error:
+            raise InputError(
+                _explain(error, where, f"axis[{i}]" + (f" ({name})" if isinstance(name, str) else ""))
+            ) from None
+    names = [row["name"] for row in rows]
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise InputError(f'{where}: axis "{twice[0]}" is given twice')
+    values = [[value for key, value in row.items() if key != "name"] for row in rows]
+    velocity, acceleration, jerk = zip(*values, strict=True)
+    return Limits(
+        feed=head["feed_mm_s"],
+        velocity=velocity,
+        acceleration=acceleration,
+        jerk=jerk,
+        chord_error=head["chord_error_mm"],
+        period=head["period_s"],
+        tangential_acceleration=head["tangential_acceleration_mm_s2"],
+        tangential_jerk=head["tangential_jerk_mm_s3"],
+        axes=names,
+    )
+
+
+def _file_models() -> tuple[type[BaseModel], type[BaseModel], type[BaseModel]]:
+    """Pydantic models of the head of a machine file, of a linear axis and of a rotary one."""
+    from typing import Annotated, Literal
+
+    from pydantic import BaseModel, ConfigDict, Field
+
+    positive = Annotated[float, Field(gt=0.0, strict=False)]
+    finite = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+
+    class Strict(BaseModel):
+        model_config = ConfigDict(extra="forbid", strict=True)
+
+    class Machine(Strict):
+        feed_mm_s: positive
+        chord_error_mm: positive = float("inf")
+        period_s: finite = 1e-3
+        tangential_acceleration_mm_s2: positive = float("inf")
+        tangential_jerk_mm_s3: positive = float("inf")
+
+    class LinearAxis(Strict):
+        name: Literal["X", "Y", "Z", "U", "V", "W"]
+        velocity_mm_s: positive
+        acceleration_mm_s2: positive
+        jerk_mm_s3: positive
+
+    class RotaryAxis(Strict):
+        name: Literal["A", "B", "C"]
+        velocity_rad_s: positive
+        acceleration_rad_s2: positive
+        jerk_rad_s3: positive
+
+    return Machine, LinearAxis, RotaryAxis
+
+
+def _explain(error: ValidationError, where: str, place: str) -> str:
+    """Turn the first of pydantic's findings into one sentence that names key, value and what is allowed."""
+    findings = error.errors()
+    # A misspelt key is both unknown and missing; the unknown one is what the person wrote.
+    first = next((finding for finding in findings if finding["type"] == "extra_forbidden"), findings[0])
+    key = ".".join(str(part) for part in first["loc"])
+    label = f"{place}.{key}" if place else key
+    allowed = list(getattr(_model_of(error), "model_fields", {}))
+    match first["type"]:
+        case "missing":
+            return f'{where}: "{label}" is missing; the keys are {", ".join(allowed)}'
+        case "extra_forbidden":
+            return f'{where}: unknown key "{label}"; the keys are {", ".join(allowed)}'
+        case "literal_error":
+            return f"{where}: {label} = {first['input']!r} must be one of {', '.join(_ALL_AXES)}"
+        case "greater_than" | "finite_number":
+            extra = "" if key == "period_s" else "; use inf for no limit"
+            return f"{where}: {label} = {first['input']!r} must be > 0{extra}"
+        case _:
+            return f"{where}: {label} = {first['input']!r} must be a number > 0"
+
+
+def _model_of(error: ValidationError) -> type[BaseModel] | None:
+    return next((model for model in _file_models() if model.__name__ == error.title), None)
+
+
+def _positive_number(value: Any, name: str) -> float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} = {value!r} must be a number > 0") from None
+    if not number > 0.0:
+        raise InputError(f"{name} = {number!r} must be > 0; use inf for no limit")
+    return number
+
+
+def _positive_row(values: ArrayLike, name: str) -> FloatArray:
+    try:
+        row = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} = {values!r} must be a sequence of numbers > 0, one for each axis") from None
+    if row.ndim != 1 or row.size == 0:
+        raise InputError(f"{name} must be a sequence of numbers > 0, one for each axis")
+    bad = np.flatnonzero(~(row > 0.0))
+    if bad.size:
+        raise InputError(f"{name}[{bad[0]}] = {float(row[bad[0]])!r} must be > 0; use inf for no limit")
+    row.setflags(write=False)
+    return row

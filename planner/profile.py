@@ -1,0 +1,307 @@
+"""The plan as a function of time, and the samples a replay makes of it.
+
+The time law of a plan is a table: at increasing times t_i the curve parameter u and its first two time derivatives.
+Between two nodes u(t) is the quintic that takes these values, so u, its rate and its acceleration are continuous, and the
+plan that is checked, written, read back and replayed is one and the same function.  Where the parametrisation itself jumps
+(a knot at which |C'| or C'' changes) two nodes share t and u and carry the values of either side.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from planner.errors import InputError
+from planner.geometry.curve import Curve, FloatArray, Side
+from planner.limits import Limits, chord_feed_limit
+
+# A limit holds the path back where it is used up to within this fraction.
+_BINDING_SHARE = 0.995
+
+
+@dataclass(frozen=True, eq=False)
+class ProfileStates:
+    """The plan at given times: all arrays have the shape of t.
+
+    ``u_rate``, ``u_acceleration`` and ``u_jerk`` are the time derivatives of the curve parameter; ``feed`` (mm/s),
+    ``acceleration`` (mm/s^2) and ``jerk`` (mm/s^3) those of the arc length ``s`` (mm).
+    """
+
+    t: FloatArray
+    u: FloatArray
+    u_rate: FloatArray
+    u_acceleration: FloatArray
+    u_jerk: FloatArray
+    s: FloatArray
+    feed: FloatArray
+    acceleration: FloatArray
+    jerk: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class FeedrateProfile:
+    """A feedrate plan: what comes out of ``plan_feedrate`` and goes into ``replay``, ``check`` and tables.
+
+    Attributes
+    ----------
+    curve : Curve
+        The tool path it was planned for.
+    t, u, u_rate, u_acceleration : (n,) arrays
+        The nodes of the time law: s, and the curve parameter with its first two time derivatives.
+    s, feed, acceleration, jerk : (n,) arrays
+        The same nodes seen along the tool tip: mm, mm/s, mm/s^2, mm/s^3.
+    binding : (n,) int array
+        Index into ``limit_names`` of the limit that holds the path back at a node; 0 where none does.
+    limit_names : tuple of str
+        "none" first, then for example "feed", "velocity X", "acceleration Y", "jerk Y".
+    lower_bound : float
+        No profile within the limits is faster than this, s (nan where the method gives none).
+    method : str
+        The solver that made it.
+    stats : mapping
+        What the solver says of its work: status, iterations, computing times, and the like.
+    """
+
+    curve: Curve
+    t: FloatArray
+    u: FloatArray
+    u_rate: FloatArray
+    u_acceleration: FloatArray
+    s: FloatArray
+    feed: FloatArray
+    acceleration: FloatArray
+    jerk: FloatArray
+    binding: NDArray[np.int8]
+    limit_names: tuple[str, ...]
+    lower_bound: float = np.nan
+    method: str = ""
+    stats: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name in ("t", "u", "u_rate", "u_acceleration", "s", "feed", "acceleration", "jerk", "binding"):
+            getattr(self, name).setflags(write=False)
+
+    @property
+    def duration(self) -> float:
+        """Time from start to end, s."""
+        return float(self.t[-1])
+
+    def at(self, t: ArrayLike) -> ProfileStates:
+        """Evaluate the plan at any times within [0, duration], any shape.
+
+        Raises
+        ------
+        InputError
+            If a time lies outside the plan.
+        """
+        times = np.asarray(t, dtype=np.float64)
+        outside = ~((times >= 0.0) & (times <= self.duration))
+        if outside.any():
+            worst = float(times[outside].flat[0])
+            raise InputError(f"t = {worst!r} must lie within [0, {self.duration!r}], the duration of the plan")
+        law = evaluate_law(self.t, self.u, self.u_rate, self.u_acceleration, times.reshape(-1))
+        s, along = along_tip(self.curve, law)
+        columns = (times.reshape(-1), *law, s, *along)
+        return ProfileStates(*(column.reshape(times.shape) for column in columns))
+
+    def shares(self) -> dict[str, float]:
+        """Share of the time during which each limit holds the path back, largest first."""
+        weight = np.diff(self.t)
+        half = np.bincount(self.binding[:-1], weight, len(self.limit_names))
+        half += np.bincount(self.binding[1:], weight, len(self.limit_names))
+        share = half / (2.0 * self.duration)
+        order = np.argsort(-share, kind="stable")
+        return {self.limit_names[i]: float(share[i]) for i in order if share[i] > 0.0}
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """One point a period, as a controller would send them to the drives.
+
+    Attributes
+    ----------
+    period : float
+        Time between two samples, s.
+    t : (m,) array
+        Multiples of the period; the last is ceil(duration / period) periods.
+    u : (m,) array
+        Curve parameter.
+    position : (m, dim) array
+        Machine axes, mm (rad for rotary axes); the last row is the end of the curve exactly.
+    """
+
+    period: float
+    t: FloatArray
+    u: FloatArray
+    position: FloatArray
+
+    def __post_init__(self) -> None:
+        for array in (self.t, self.u, self.position):
+            array.setflags(write=False)
+
+
+def quintic_coefficients(
+    duration: FloatArray,
+    start: tuple[FloatArray, FloatArray, FloatArray],
+    end: tuple[FloatArray, FloatArray, FloatArray],
+) -> FloatArray:
+    """Coefficients (6, n), ascending powers of the time since the start, of the quintics between pairs of nodes.
+
+    With h the duration, D = u1 - u0 and dots for time derivatives,
+
+        c0..c2 = u0, u0', u0''/2
+        c3 = [ 20 D - ( 8 u1' + 12 u0') h - (3 u0'' -   u1'') h^2] / 2 h^3
+        c4 = [-30 D + (14 u1' + 16 u0') h + (3 u0'' - 2 u1'') h^2] / 2 h^4
+        c5 = [ 12 D -   6 (u1' + u0')  h + (   u1'' -   u0'') h^2] / 2 h^5
+
+    Parameters
+    ----------
+    duration : (n,) array
+        Positive.
+    start, end : three (n,) arrays each
+        u, its rate and its acceleration.
+    """
+    h = duration
+    u0, v0, a0 = start
+    u1, v1, a1 = end
+    # D less its second-order part: the large common terms cancel here once, not in each coefficient.
+    rest = (u1 - u0) - h * (v0 + 0.5 * a0 * h)
+    dv = (v1 - v0 - a0 * h) * h
+    da = (a1 - a0) * h**2
+    return np.stack(
+        [
+            u0,
+            v0,
+            0.5 * a0,
+            (10.0 * rest - 4.0 * dv + 0.5 * da) / h**3,
+            (-15.0 * rest + 7.0 * dv - da) / h**4,
+            (6.0 * rest - 3.0 * dv + 0.5 * da) / h**5,
+        ]
+    )
+
+
+def evaluate_law(
+    t: FloatArray, u: FloatArray, rate: FloatArray, acceleration: FloatArray, at: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Evaluate u and its first three time derivatives at the flat times ``at``; after a double node, its right side."""
+    i = np.clip(np.searchsorted(t, at, side="right") - 1, 0, t.size - 2)
+    while True:  # the last node may be double
+        empty = t[i + 1] <= t[i]
+        if not empty.any():
+            break
+        i = i - empty
+    c = quintic_coefficients(
+        t[i + 1] - t[i], (u[i], rate[i], acceleration[i]), (u[i + 1], rate[i + 1], acceleration[i + 1])
+    )
+    w = at - t[i]
+    lo, hi = float(u[0]), float(u[-1])
+    value = c[0] + w * (c[1] + w * (c[2] + w * (c[3] + w * (c[4] + w * c[5]))))
+    first = c[1] + w * (2.0 * c[2] + w * (3.0 * c[3] + w * (4.0 * c[4] + w * 5.0 * c[5])))
+    second = 2.0 * c[2] + w * (6.0 * c[3] + w * (12.0 * c[4] + w * 20.0 * c[5]))
+    third = 6.0 * c[3] + w * (24.0 * c[4] + w * 60.0 * c[5])
+    return np.clip(value, lo, hi), first, second, third
+
+
+def along_tip(
+    curve: Curve, law: tuple[FloatArray, FloatArray, FloatArray, FloatArray], side: Side = "right"
+) -> tuple[FloatArray, tuple[FloatArray, FloatArray, FloatArray]]:
+    """Arc length of the tool tip and its first three time derivatives, from those of u."""
+    u, u1, u2, u3 = law
+    d = curve.tip.derivatives(u, 3, side=side)
+    s1 = np.sqrt(np.sum(d[1] ** 2, axis=-1))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        s2 = np.where(s1 > 0.0, np.sum(d[1] * d[2], axis=-1) / s1, 0.0)
+        s3 = np.sum(d[2] ** 2, axis=-1) + np.sum(d[1] * d[3], axis=-1) - s2**2
+        s3 = np.where(s1 > 0.0, s3 / s1, 0.0)
+    along = (s1 * u1, s1 * u2 + s2 * u1**2, s1 * u3 + 3.0 * s2 * u1 * u2 + s3 * u1**3)
+    return curve.arclength.s(u), along
+
+
+def make_profile(
+    curve: Curve,
+    limits: Limits,
+    nodes: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
+    *,
+    method: str,
+    lower_bound: float = np.nan,
+    stats: Mapping[str, Any] | None = None,
+) -> FeedrateProfile:
+    """Build a profile from the nodes (t, u, u_rate, u_acceleration) of its time law.
+
+    Of two nodes that share a time the first holds the values before a break, the second those after it.
+    """
+    t, u, rate, acceleration = (np.ascontiguousarray(column, dtype=np.float64) for column in nodes)
+    inner = np.diff(t) > 0.0
+    gap = np.where(inner, np.diff(t), 1.0)
+    c = quintic_coefficients(gap, (u[:-1], rate[:-1], acceleration[:-1]), (u[1:], rate[1:], acceleration[1:]))
+    at_start = 6.0 * c[3]
+    at_end = 6.0 * c[3] + gap * (24.0 * c[4] + gap * 60.0 * c[5])
+    # A node takes the jerk of the interval after it; before a break, and at the end, of the one before it.
+    forward = np.append(inner, False)
+    jerk = np.where(forward, np.append(at_start, 0.0), np.append(0.0, at_end))
+    s = np.empty(t.size)
+    along = np.empty((3, t.size))
+    names: tuple[str, ...] = ()
+    binding = np.empty(t.size, dtype=np.int8)
+    sides: tuple[tuple[Side, NDArray[np.bool_]], ...] = (("right", forward), ("left", ~forward))
+    for side, here in sides:
+        law = (u[here], rate[here], acceleration[here], jerk[here])
+        s[here], parts = along_tip(curve, law, side)
+        along[:, here] = parts
+        names, binding[here] = _binding(curve, limits, law, along[:, here], side)
+    return FeedrateProfile(
+        curve,
+        t,
+        u,
+        rate,
+        acceleration,
+        s,
+        along[0],
+        along[1],
+        along[2],
+        binding,
+        names,
+        float(lower_bound),
+        method,
+        dict(stats or {}),
+    )
+
+
+def _binding(
+    curve: Curve,
+    limits: Limits,
+    law: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
+    along: FloatArray,
+    side: Side,
+) -> tuple[tuple[str, ...], NDArray[np.int8]]:
+    """Name, at each node, the limit with the largest share used, if it is nearly used up."""
+    u, u1, u2, u3 = law
+    q = curve.derivatives(u, 3, side=side)
+    rates = (
+        ("velocity", q[1] * u1[:, None], limits.velocity),
+        ("acceleration", q[2] * u1[:, None] ** 2 + q[1] * u2[:, None], limits.acceleration),
+        (
+            "jerk",
+            q[3] * u1[:, None] ** 3 + 3.0 * q[2] * (u1 * u2)[:, None] + q[1] * u3[:, None],
+            limits.jerk,
+        ),
+    )
+    with np.errstate(divide="ignore", invalid="ignore"):
+        chord = along[0] / chord_feed_limit(curve.tip.curvature(u, side=side), limits)
+    names = ["none", "feed", "chord error", "tangential acceleration", "tangential jerk"]
+    used = [
+        np.full(u.size, _BINDING_SHARE),
+        along[0] / limits.feed,
+        np.nan_to_num(chord, nan=0.0, posinf=0.0),
+        np.abs(along[1]) / limits.tangential_acceleration,
+        np.abs(along[2]) / limits.tangential_jerk,
+    ]
+    for what, values, allowed in rates:
+        for j, axis in enumerate(curve.axes):
+            names.append(f"{what} {axis}")
+            used.append(np.abs(values[:, j]) / allowed[j])
+    return tuple(names), np.argmax(np.stack(used), axis=0).astype(np.int8)
