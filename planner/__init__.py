@@ -1,25 +1,39 @@
 """Time-optimal, jerk-limited feedrate planning for parametric tool paths (offline stage).
 
     from planner import load_curve, load_limits, plan_feedrate, check
-    curve, limits = load_curve("butterfly-nurbs"), load_limits("mill.toml")
+    curve, limits = load_curve("butterfly-nurbs"), load_limits("mill")
+    limits = limits.for_curve(curve)
     profile = plan_feedrate(curve, limits)
     print(profile.duration, check(curve, limits, profile).ok)
 
 Lengths are in mm, angles in rad, times in s.
+
+Every public name loads its module when it is first used: the command line answers before numpy would have loaded.
 """
 
-from planner.errors import (
-    CurveError,
-    FeedrateError,
-    InfeasibleError,
-    InputError,
-    SolverError,
-    StalledError,
-)
-from planner.geometry.catalog import CATALOG, load_curve
-from planner.geometry.curve import Break, Curve
-from planner.limits import FeedrateLimits, Limits, feedrate_limits, load_limits
-from planner.profile import FeedrateProfile, ProfileStates, Samples
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from planner.check import Report, check
+    from planner.errors import (
+        CurveError,
+        FeedrateError,
+        InfeasibleError,
+        InputError,
+        SolverError,
+        StalledError,
+    )
+    from planner.geometry.catalog import CATALOG, load_curve
+    from planner.geometry.curve import Break, Curve
+    from planner.limits import FeedrateLimits, Limits, feedrate_limits, load_limits
+    from planner.plan import plan_feedrate
+    from planner.profile import FeedrateProfile, ProfileStates, Samples
+    from planner.tables import read_table, table_limits, write_table
 
 __all__ = [
     "CATALOG",
@@ -33,10 +47,52 @@ __all__ = [
     "InputError",
     "Limits",
     "ProfileStates",
+    "Report",
     "Samples",
     "SolverError",
     "StalledError",
+    "check",
     "feedrate_limits",
     "load_curve",
     "load_limits",
+    "plan_feedrate",
+    "read_table",
+    "table_limits",
+    "write_table",
 ]
+
+_HOME = {
+    "check": ("Report", "check"),
+    "errors": ("CurveError", "FeedrateError", "InfeasibleError", "InputError", "SolverError", "StalledError"),
+    "geometry.catalog": ("CATALOG", "load_curve"),
+    "geometry.curve": ("Break", "Curve"),
+    "limits": ("FeedrateLimits", "Limits", "feedrate_limits", "load_limits"),
+    "plan": ("plan_feedrate",),
+    "profile": ("FeedrateProfile", "ProfileStates", "Samples"),
+    "tables": ("read_table", "table_limits", "write_table"),
+}
+_MODULE_OF = {name: f"{__name__}.{module}" for module, names in _HOME.items() for name in names}
+
+
+def __getattr__(name: str) -> object:
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module(_MODULE_OF[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
+
+class _Package(ModuleType):
+    """Keeps ``planner.check`` the function: importing its module, of the same name, would put the module there."""
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if isinstance(value, ModuleType) and name in _MODULE_OF:
+            value = getattr(value, name)
+        super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package

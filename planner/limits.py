@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,13 +14,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from planner.errors import InputError
-from planner.geometry.curve import DEFAULT_AXES, ROTARY_AXES, Curve, FloatArray, Side, arc_derivatives
+from planner.geometry.curve import AXES, ROTARY_AXES, Curve, FloatArray, Side, axis_names
+from planner.geometry.inputs import numbers, positive_number, read_text, shorten
 
 if TYPE_CHECKING:
-    from pydantic import BaseModel, ValidationError
+    from pydantic import BaseModel
 
-_ALL_AXES = "XYZABCUVW"
 EXAMPLE_MACHINES = ("mill", "five-axis")
+_MAX_AXES = 6
 _SCALARS = ("feed", "chord_error", "period", "tangential_acceleration", "tangential_jerk")
 
 
@@ -45,7 +47,7 @@ class Limits:
     Raises
     ------
     InputError
-        If a value is not positive, or the three sequences differ in length.
+        If a value is not a positive number, or the three sequences differ in length.
     """
 
     feed: float
@@ -78,23 +80,20 @@ class Limits:
             "tangential_jerk": tangential_jerk,
         }
         for name, value in given.items():
-            object.__setattr__(self, name, _positive_number(value, name))
+            object.__setattr__(self, name, positive_number(value, name))
         if np.isinf(self.period):
             raise InputError("period = inf must be finite: the time between two points, s")
         for name, values in (("velocity", velocity), ("acceleration", acceleration), ("jerk", jerk)):
             object.__setattr__(self, name, _positive_row(values, f"axis_{name}"))
-        sizes = {self.velocity.size, self.acceleration.size, self.jerk.size}
-        if len(sizes) != 1:
+        sizes = [row.size for row in (self.velocity, self.acceleration, self.jerk)]
+        if len(set(sizes)) != 1:
             raise InputError(
-                f"velocity, acceleration and jerk have {self.velocity.size}, {self.acceleration.size} and {self.jerk.size} "
-                "values; each needs one for every axis"
+                f"velocity, acceleration and jerk have {sizes[0]}, {sizes[1]} and {sizes[2]} values; "
+                "each needs one for every axis"
             )
-        if self.velocity.size > 6:
-            raise InputError(f"{self.velocity.size} axes are given; 2 to 6 are allowed")
-        names = tuple(axes) if axes else DEFAULT_AXES[: self.velocity.size]
-        if len(names) != self.velocity.size:
-            raise InputError(f"axes names {len(names)} axes, but velocity has {self.velocity.size} values")
-        object.__setattr__(self, "axes", names)
+        if sizes[0] > _MAX_AXES:
+            raise InputError(f"{sizes[0]} axes are given; at most {_MAX_AXES} are allowed")
+        object.__setattr__(self, "axes", axis_names(axes or None, sizes[0], "limits", InputError))
 
     @property
     def dim(self) -> int:
@@ -186,28 +185,24 @@ def feedrate_limits(
         If the safety factor is outside (0, 1] or the axes do not match.
     """
     limits.require_matches(curve)
-    if not 0.0 < safety <= 1.0:
-        raise InputError(f"safety = {safety!r} must lie in (0, 1]")
-    points = np.asarray(u, dtype=np.float64)
-    flat = points.reshape(-1)
-    axes = curve.derivatives(flat, 3, side=side)
-    tip = curve.tip.derivatives(flat, 3, side=side)
-    speed = np.sqrt(np.sum(tip[1] ** 2, axis=-1))
+    factor = positive_number(safety, "safety")
+    if factor > 1.0:
+        raise InputError(f"safety = {factor!r} must lie in (0, 1]")
+    axes = curve.derivatives(u, 2, side=side)
+    tip = curve.tip.derivatives(u, 2, side=side)
+    speed2 = np.sum(tip[1] ** 2, axis=-1)[..., None]
+    bend = np.sum(tip[1] * tip[2], axis=-1)[..., None]
     with np.errstate(divide="ignore", invalid="ignore"):
-        axis_velocity = (limits.velocity / np.abs(axes[1])).min(axis=1) * speed
-        chord = chord_feed_limit(curve.tip.curvature(flat, side=side), limits)
-        if curve.tip is curve:
-            second = arc_derivatives(axes)[2]
-        else:
-            # the axes' second derivative with respect to the TIP's arc length: q'' / v^2 - q' (p'.p'') / v^4
-            bend = np.sum(tip[1] * tip[2], axis=-1)
-            second = axes[2] / speed[:, None] ** 2 - axes[1] * (bend / speed**4)[:, None]
-        normal = np.sqrt(safety * (limits.acceleration / np.abs(second)).min(axis=1))
+        axis_velocity = (limits.velocity / np.abs(axes[1] / np.sqrt(speed2))).min(axis=-1)
+        # d2q/ds2, s the arc length of the tip: q''/v^2 - q' (p'.p'')/v^4
+        second = (axes[2] - axes[1] * (bend / speed2)) / speed2
+        normal = np.sqrt((factor * limits.acceleration / np.abs(second)).min(axis=-1))
+    moving = speed2[..., 0] > 0.0
     return FeedrateLimits(
-        command=np.full(points.shape, limits.feed),
-        axis_velocity=np.where(speed > 0.0, axis_velocity, np.inf).reshape(points.shape),
-        chord_error=chord.reshape(points.shape),
-        normal_acceleration=np.where(speed > 0.0, normal, np.inf).reshape(points.shape),
+        command=np.full(moving.shape, limits.feed),
+        axis_velocity=np.where(moving, axis_velocity, np.inf),
+        chord_error=chord_feed_limit(curve.tip.curvature(u, side=side), limits),
+        normal_acceleration=np.where(moving, normal, np.inf),
     )
 
 
@@ -250,28 +245,22 @@ def load_limits(path: str | Path) -> Limits:
         text = resources.files("planner").joinpath(f"data/machines/{path}.toml").read_text(encoding="utf-8")
         return _limits_from_toml(text, path)
     try:
-        text = Path(path).read_text(encoding="utf-8")
-    except OSError as error:
-        hint = "" if Path(path).suffix else f"; example machines are {', '.join(EXAMPLE_MACHINES)}"
-        raise InputError(f"{path}: cannot be read ({error.strerror}){hint}") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{path}: is not text; a machine file is TOML") from None
+        text = read_text(path, InputError)
+    except InputError as error:
+        if isinstance(path, str) and not Path(path).suffix:
+            raise InputError(f"{error}; the example machines are {', '.join(EXAMPLE_MACHINES)}") from None
+        raise
     return _limits_from_toml(text, str(path))
 
 
 def _limits_from_toml(text: str, where: str) -> Limits:
-    from pydantic import ValidationError
-
     try:
         table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{where}: not a valid TOML file ({error})") from None
     machine, linear, rotary = _file_models()
-    axes = table.get("axis", [])
-    try:
-        head = machine.model_validate({key: value for key, value in table.items() if key != "axis"}).model_dump()
-    except ValidationError as error:
-        raise InputError(_explain(error, where, "")) from None
+    axes = table.pop("axis", [])
+    head = _validated(machine, table, where, "")
     if not isinstance(axes, list) or not axes or not all(isinstance(axis, dict) for axis in axes):
         raise InputError(
             f'{where}: one "[[axis]]" table for each axis is needed, with name, velocity, acceleration and jerk'
@@ -279,39 +268,61 @@ def _limits_from_toml(text: str, where: str) -> Limits:
     rows: list[dict[str, Any]] = []
     for i, axis in enumerate(axes):
         name = axis.get("name")
-        model = rotary if isinstance(name, str) and name in ROTARY_AXES else linear
-        try:
-            rows.append(model.model_validate(axis).model_dump())
-        except ValidationError as error:
-            raise InputError(
-                _explain(error, where, f"axis[{i}]" + (f" ({name})" if isinstance(name, str) else ""))
-            ) from None
-    names = [row["name"] for row in rows]
+        known = isinstance(name, str) and name in AXES
+        model = rotary if known and name in ROTARY_AXES else linear
+        rows.append(_validated(model, axis, where, f"axis[{i}] ({name})" if known else f"axis[{i}]"))
+    names = [row.pop("name") for row in rows]
     twice = [name for name in names if names.count(name) > 1]
     if twice:
         raise InputError(f'{where}: axis "{twice[0]}" is given twice')
-    values = [[value for key, value in row.items() if key != "name"] for row in rows]
-    velocity, acceleration, jerk = zip(*values, strict=True)
-    return Limits(
-        feed=head["feed_mm_s"],
-        velocity=velocity,
-        acceleration=acceleration,
-        jerk=jerk,
-        chord_error=head["chord_error_mm"],
-        period=head["period_s"],
-        tangential_acceleration=head["tangential_acceleration_mm_s2"],
-        tangential_jerk=head["tangential_jerk_mm_s3"],
-        axes=names,
-    )
+    velocity, acceleration, jerk = zip(*(row.values() for row in rows), strict=True)
+    try:
+        return Limits(
+            head["feed_mm_s"],
+            velocity,
+            acceleration,
+            jerk,
+            chord_error=head["chord_error_mm"],
+            period=head["period_s"],
+            tangential_acceleration=head["tangential_acceleration_mm_s2"],
+            tangential_jerk=head["tangential_jerk_mm_s3"],
+            axes=names,
+        )
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
 
 
+def _validated(model: type[BaseModel], table: Mapping[str, Any], where: str, place: str) -> dict[str, Any]:
+    """Values of a table of a machine file, in the order of the model's keys."""
+    from pydantic import ValidationError
+
+    try:
+        return model.model_validate(table).model_dump()
+    except ValidationError as error:
+        findings, keys = error.errors(), list(model.model_fields)
+    # A misspelt key is both unknown and missing; the unknown one is what the person wrote.
+    first = next((finding for finding in findings if finding["type"] == "extra_forbidden"), findings[0])
+    key = ".".join(str(part) for part in first["loc"])
+    label = f"{place}.{key}" if place else key
+    match first["type"]:
+        case "missing":
+            raise InputError(f'{where}: "{label}" is missing; the keys are {", ".join(keys)}')
+        case "extra_forbidden":
+            raise InputError(f'{where}: unknown key "{label}"; the keys are {", ".join(keys)}')
+        case "literal_error":
+            raise InputError(f"{where}: {label} = {shorten(repr(first['input']))} must be one of {', '.join(AXES)}")
+    allowed = "a finite number > 0" if key == "period_s" else "a number > 0; use inf for no limit"
+    raise InputError(f"{where}: {label} = {shorten(repr(first['input']))} must be {allowed}")
+
+
+@cache
 def _file_models() -> tuple[type[BaseModel], type[BaseModel], type[BaseModel]]:
     """Pydantic models of the head of a machine file, of a linear axis and of a rotary one."""
     from typing import Annotated, Literal
 
     from pydantic import BaseModel, ConfigDict, Field
 
-    positive = Annotated[float, Field(gt=0.0, strict=False)]
+    positive = Annotated[float, Field(gt=0.0)]
     finite = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 
     class Strict(BaseModel):
@@ -339,47 +350,8 @@ def _file_models() -> tuple[type[BaseModel], type[BaseModel], type[BaseModel]]:
     return Machine, LinearAxis, RotaryAxis
 
 
-def _explain(error: ValidationError, where: str, place: str) -> str:
-    """Turn the first of pydantic's findings into one sentence that names key, value and what is allowed."""
-    findings = error.errors()
-    # A misspelt key is both unknown and missing; the unknown one is what the person wrote.
-    first = next((finding for finding in findings if finding["type"] == "extra_forbidden"), findings[0])
-    key = ".".join(str(part) for part in first["loc"])
-    label = f"{place}.{key}" if place else key
-    allowed = list(getattr(_model_of(error), "model_fields", {}))
-    match first["type"]:
-        case "missing":
-            return f'{where}: "{label}" is missing; the keys are {", ".join(allowed)}'
-        case "extra_forbidden":
-            return f'{where}: unknown key "{label}"; the keys are {", ".join(allowed)}'
-        case "literal_error":
-            return f"{where}: {label} = {first['input']!r} must be one of {', '.join(_ALL_AXES)}"
-        case "greater_than" | "finite_number":
-            extra = "" if key == "period_s" else "; use inf for no limit"
-            return f"{where}: {label} = {first['input']!r} must be > 0{extra}"
-        case _:
-            return f"{where}: {label} = {first['input']!r} must be a number > 0"
-
-
-def _model_of(error: ValidationError) -> type[BaseModel] | None:
-    return next((model for model in _file_models() if model.__name__ == error.title), None)
-
-
-def _positive_number(value: Any, name: str) -> float:
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        raise InputError(f"{name} = {value!r} must be a number > 0") from None
-    if not number > 0.0:
-        raise InputError(f"{name} = {number!r} must be > 0; use inf for no limit")
-    return number
-
-
 def _positive_row(values: ArrayLike, name: str) -> FloatArray:
-    try:
-        row = np.array(values, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise InputError(f"{name} = {values!r} must be a sequence of numbers > 0, one for each axis") from None
+    row = numbers(values, name, InputError)
     if row.ndim != 1 or row.size == 0:
         raise InputError(f"{name} must be a sequence of numbers > 0, one for each axis")
     bad = np.flatnonzero(~(row > 0.0))

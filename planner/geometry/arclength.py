@@ -42,7 +42,7 @@ class ArcLength:
         tip = curve.tip
 
         def speed(u: FloatArray) -> FloatArray:
-            return np.sqrt(np.sum(tip.derivatives(u, 1)[1] ** 2, axis=-1))
+            return np.asarray(np.sqrt(np.sum(tip.derivatives(u, 1)[1] ** 2, axis=-1)))
 
         return cls.of_speed(speed, curve, curve.name)
 
@@ -55,9 +55,8 @@ class ArcLength:
         CurveError
             If the speed cannot be resolved, which takes a curve that is not piecewise smooth.
         """
-        u0, u1 = curve.domain
-        corners = np.concatenate([[u0], curve._candidate_breaks(), [u1]])
-        lo, hi = corners[:-1], corners[1:]
+        edges = curve.pieces.breaks
+        lo, hi = edges[:-1], edges[1:]
         done: list[tuple[FloatArray, FloatArray, FloatArray]] = []
         total = 0.0
         for _ in range(_MAX_HALVINGS):
@@ -132,7 +131,7 @@ def _speed_series(speed: Callable[[FloatArray], FloatArray], lo: FloatArray, hi:
     to_series = np.cos(np.outer(np.arange(_NODES), angles)) * (2.0 / _NODES)
     to_series[0] *= 0.5
     at = 0.5 * (lo + hi)[:, None] + 0.5 * (hi - lo)[:, None] * np.cos(angles)
-    return speed(at.reshape(-1)).reshape(-1, _NODES) @ to_series.T
+    return np.asarray(speed(at.reshape(-1)).reshape(-1, _NODES) @ to_series.T)
 
 
 def _within(values: ArrayLike, lo: float, hi: float, what: str) -> FloatArray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import tomllib
 from collections.abc import Mapping, Sequence
 from importlib import resources
@@ -13,18 +14,19 @@ import numpy as np
 
 from planner.errors import CurveError, InputError
 from planner.geometry.curve import Curve
+from planner.geometry.inputs import positive_number, read_text
 
 CATALOG = ("teardrop", "hypotrochoid", "snailshell", "butterfly", "circle", "butterfly-nurbs", "flank")
 _AXIS_KEYS = ("x", "y", "z", "a", "b", "c")
+_MACHINE = "table-tilting ac"
 _REMARKS = ("name", "note", "units", "source", "dim", "type", "knots_4digit")
 _KEYS = {
     "nurbs": ("degree", "control_points", "weights", "knots", "axes"),
-    "formula": (*_AXIS_KEYS, "u_range", "parameter"),
+    "formula": (*_AXIS_KEYS, "u_range", "parameter", "axes"),
     "dual_bspline_5axis": (
         "degree", "knots", "bottom_control_points", "top_control_points", "weights", "tool_axis", "kinematics"
     ),
 }  # fmt: skip
-_MAX_FILE_BYTES = 256 * 1024**2
 
 
 def load_curve(source: str | Path, *, scale: float = 1.0) -> Curve:
@@ -49,33 +51,40 @@ def load_curve(source: str | Path, *, scale: float = 1.0) -> Curve:
     InputError
         If the scale is not a positive number.
     """
-    if not (np.isfinite(scale) and scale > 0.0):
-        raise InputError(f"scale = {scale!r} must be > 0 and finite")
+    scale = positive_number(scale, "scale")
+    if np.isinf(scale):
+        raise InputError("scale = inf must be finite")
     if isinstance(source, str) and source in CATALOG:
         text = resources.files("planner").joinpath(f"data/curves/{source}.json").read_text(encoding="utf-8")
         return _from_table(json.loads(text)["curve"], source, scale)
-    path = Path(source)
-    if path.suffix.lower() not in {".json", ".toml"}:
-        raise CurveError(f'curve "{source}" is neither a .json or .toml file nor a name: {", ".join(CATALOG)}')
-    table = _read(path)
+    kind = Path(source).suffix.lower() if isinstance(source, str | os.PathLike) else ""
+    if kind not in {".json", ".toml"}:
+        raise CurveError(f"curve {str(source)!r} is neither a .json or .toml file nor a name: {', '.join(CATALOG)}")
+    table = _read(source, kind)
     inner = table.get("curve", table)
     if not isinstance(inner, dict):
-        raise CurveError(f'{path}: "curve" must be an object with the keys of a curve')
-    return _from_table(inner, path.stem, scale)
+        raise CurveError(f'{source}: "curve" must be an object with the keys of a curve')
+    return _from_table(inner, Path(source).stem, scale)
 
 
-def _read(path: Path) -> dict[str, Any]:
+def _read(source: str | Path, kind: str) -> dict[str, Any]:
+    text = read_text(source, CurveError)
     try:
-        if path.stat().st_size > _MAX_FILE_BYTES:
-            raise CurveError(f"{path}: larger than {_MAX_FILE_BYTES // 1024**2} MiB; a curve file must be smaller")
-        text = path.read_text(encoding="utf-8")
-        table = json.loads(text) if path.suffix.lower() == ".json" else tomllib.loads(text)
-    except OSError as error:
-        raise CurveError(f"{path}: cannot be read ({error.strerror})") from None
-    except (UnicodeDecodeError, json.JSONDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
-        raise CurveError(f"{path}: not a valid {path.suffix[1:].upper()} file ({error})") from None
+        table = json.loads(text, object_pairs_hook=_object) if kind == ".json" else tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise CurveError(f"{source}: not a valid {kind[1:].upper()} file ({error})") from None
     if not isinstance(table, dict):
-        raise CurveError(f"{path}: must hold an object with the keys of a curve, not a {type(table).__name__}")
+        raise CurveError(f"{source}: must hold an object with the keys of a curve, not a {type(table).__name__}")
+    return table
+
+
+def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """A JSON object; of a key that is given twice Python would silently keep the last."""
+    table = dict(pairs)
+    if len(table) < len(pairs):
+        keys = [key for key, _ in pairs]
+        twice = next(key for key in keys if keys.count(key) > 1)
+        raise ValueError(f'the key "{twice}" is given twice')
     return table
 
 
@@ -88,9 +97,11 @@ def _from_table(table: Mapping[str, Any], name: str, scale: float) -> Curve:
     unknown = sorted(set(table) - set(_KEYS[kind]) - set(_REMARKS))
     if unknown:
         raise CurveError(f'{name}: unknown key "{unknown[0]}"; a {kind} has the keys {", ".join(_KEYS[kind])}')
-    if kind == "nurbs":
-        return _nurbs(table, name, scale)
-    return _formula(table, name, scale) if kind == "formula" else _dual_spline(table, name, scale)
+    build = {"nurbs": _nurbs, "formula": _formula, "dual_bspline_5axis": _dual_spline}[kind]
+    curve = build(table, name, scale)
+    if table.get("dim", curve.dim) != curve.dim:
+        raise CurveError(f"{name}: dim = {table['dim']!r}, but the curve has the axes {', '.join(curve.axes)}")
+    return curve
 
 
 def _need(table: Mapping[str, Any], keys: Sequence[str], name: str) -> list[Any]:
@@ -104,14 +115,12 @@ def _nurbs(table: Mapping[str, Any], name: str, scale: float) -> Curve:
     from planner.geometry.nurbs import NurbsCurve
 
     degree, points, knots = _need(table, ("degree", "control_points", "knots"), name)
-    axes = table.get("axes")
-    if axes is not None:
-        valid = isinstance(axes, list) and all(isinstance(a, str) and len(a) == 1 and a in "XYZABCUVW" for a in axes)
-        if not valid or len(set(axes)) != len(axes):
-            raise CurveError(f"{name}: axes = {axes!r} must be a list of different names out of X Y Z A B C U V W")
-    curve = NurbsCurve(points, knots, degree, table.get("weights"), axes, name)
+    weights, axes = table.get("weights"), table.get("axes")
+    if axes is not None and not isinstance(axes, list):
+        raise CurveError(f"{name}: axes = {axes!r} must be a list of names")
     if scale == 1.0:
-        return curve
+        return NurbsCurve(points, knots, degree, weights, axes, name)
+    curve = NurbsCurve(points, knots, degree, weights, axes, name, rests_allowed=True)
     factors = np.array([scale if unit == "mm" else 1.0 for unit in curve.axis_units])
     return NurbsCurve(curve.control_points * factors, curve.knots, curve.degree, curve.weights, curve.axes, name)
 
@@ -126,7 +135,8 @@ def _formula(table: Mapping[str, Any], name: str, scale: float) -> Curve:
     parameter = table.get("parameter", "u")
     if not isinstance(parameter, str) or not parameter.isidentifier():
         raise CurveError(f"{name}: parameter = {parameter!r} must be a name")
-    return FormulaCurve(axis_expressions(table, _AXIS_KEYS, name), domain, parameter, scale, name)
+    expressions = axis_expressions(table, _AXIS_KEYS, name)
+    return FormulaCurve(expressions, domain, parameter, scale, name)
 
 
 def _dual_spline(table: Mapping[str, Any], name: str, scale: float) -> Curve:
@@ -135,6 +145,10 @@ def _dual_spline(table: Mapping[str, Any], name: str, scale: float) -> Curve:
 
     keys = ("degree", "knots", "bottom_control_points", "top_control_points")
     degree, knots, *sides = _need(table, keys, name)
+    kinematics = table.get("kinematics", {})
+    machine = kinematics.get("machine", _MACHINE) if isinstance(kinematics, dict) else kinematics
+    if not isinstance(machine, str) or not machine.replace("/", "").lower().startswith(_MACHINE):
+        raise CurveError(f'{name}: kinematics is of a machine {machine!r}; "table-tilting AC" is the one known')
     weights = table.get("weights")
     bottom, top = (
         NurbsCurve(points, knots, degree, weights, None, f"{name} ({side})", rests_allowed=True)
@@ -142,7 +156,7 @@ def _dual_spline(table: Mapping[str, Any], name: str, scale: float) -> Curve:
     )
     if scale != 1.0:
         bottom, top = (
-            NurbsCurve(c.control_points * scale, c.knots, c.degree, c.weights, None, c.name, rests_allowed=True)
-            for c in (bottom, top)
+            NurbsCurve(s.control_points * scale, s.knots, s.degree, s.weights, None, s.name, rests_allowed=True)
+            for s in (bottom, top)
         )
     return DualSplineCurve(bottom, top, name)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
@@ -25,18 +25,24 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 Side = Literal["left", "right"]
 
+AXES = ("X", "Y", "Z", "A", "B", "C", "U", "V", "W")
 ROTARY_AXES = frozenset("ABC")
 DEFAULT_AXES = ("X", "Y", "Z", "U", "V", "W")
 MAX_DERIVATIVE = 3
 
-# Relative sizes below which two one-sided values count as equal.  Evaluation noise grows by about the number of
-# pieces over the length with each derivative, hence the looser figures for the higher ones.
-_TANGENT_TOLERANCE = 1e-8
-_CURVATURE_TOLERANCE = 1e-7
-_CURVATURE_RATE_TOLERANCE = 1e-5
-# |C'| below this fraction of its largest value is a cusp: the unit tangent is lost to cancellation there.
+# Relative sizes below which two one-sided values of the first, second and third derivative count as equal.
+_JUMP_TOLERANCES = (1e-8, 1e-7, 1e-5)
+# Rounding of a k-th derivative, against the coordinate over the k-th power of the distance to the next break.
+_DERIVATIVE_NOISE = 1e3 * np.finfo(np.float64).eps
+# |C'| below this fraction of its values around is a cusp: the unit tangent is lost to cancellation there.
 _CUSP_TOLERANCE = 1e-9
-_SCAN_POINTS_PER_PIECE = 48
+# |C'| times the width of the piece, against the coordinate: less is a rest.  Pieces narrower than the given fraction of
+# the domain are left out, since their |C'| is mostly rounding.
+_REST_TOLERANCE = 64.0 * np.finfo(np.float64).eps
+_NARROW = 1e-6
+# A polynomial piece of the degrees met here has its minima of |C'| farther apart than two of these.
+_SCAN_INTERVALS = 16
+_SCAN_BLOCK = 4096  # pieces at a time, which bounds the memory of the scan
 
 
 @dataclass(frozen=True)
@@ -157,18 +163,21 @@ class Curve(ABC):
         InputError
             If a parameter is not finite or outside the domain, or the order or side is not one of those above.
         """
-        if order not in range(MAX_DERIVATIVE + 1):
+        if not isinstance(order, int | np.integer) or not 0 <= order <= MAX_DERIVATIVE:
             raise InputError(f"order = {order!r} must be 0, 1, 2 or 3")
-        if side not in {"left", "right"}:
+        if side not in ("left", "right"):
             raise InputError(f'side = {side!r} must be "left" or "right"')
-        points = np.asarray(u, dtype=np.float64)
+        try:
+            points = np.asarray(u, dtype=np.float64)
+        except (TypeError, ValueError):
+            raise InputError(f"u = {u!r} must be a number or an array of numbers") from None
         flat = np.ascontiguousarray(points.reshape(-1))
         u0, u1 = self.domain
         outside = ~((flat >= u0) & (flat <= u1))
         if outside.any():
             place = int(np.argmax(outside))
             raise InputError(
-                f"u[{place}] = {flat[place]!r} must lie within [{u0!r}, {u1!r}], the domain of {self.name}"
+                f"u[{place}] = {float(flat[place])!r} must lie within [{u0!r}, {u1!r}], the domain of {self.name}"
             )
         return self._evaluate(flat, order, side).reshape((order + 1, *points.shape, self.dim))
 
@@ -186,7 +195,7 @@ class Curve(ABC):
     @cached_property
     def breaks(self) -> tuple[Break, ...]:
         """Interior parameters where a derivative up to the third jumps, with the order of continuity there."""
-        found = (continuity_at(self, u) for u in self._candidate_breaks())
+        found = continuity(self, self._candidate_breaks())
         return tuple(b for b in found if min(b.parametric, b.geometric) < MAX_DERIVATIVE)
 
     @cached_property
@@ -277,71 +286,153 @@ def arc_derivatives(d: FloatArray) -> FloatArray:
     return np.stack([d[0], tangent, second, third])
 
 
+def axis_names(
+    axes: Sequence[str] | None, count: int, where: str, error: type[InputError] = CurveError
+) -> tuple[str, ...]:
+    """Check the names of ``count`` axes: different ones out of :data:`AXES`; X, Y, Z, U, V, W if left out.
+
+    Raises
+    ------
+    CurveError, or the ``error`` given
+        Naming ``where``, the names and what is allowed.
+    """
+    if axes is None:
+        return DEFAULT_AXES[:count]
+    names = tuple(axes) if isinstance(axes, Sequence) else ()
+    if not all(isinstance(axis, str) and axis in AXES for axis in names) or len(set(names)) != len(names) or not names:
+        raise error(f"{where}: axes = {axes!r} must be a list of different names out of {' '.join(AXES)}")
+    if len(names) != count:
+        raise error(f"{where}: axes names {len(names)} axes, but there are values for {count}")
+    return names
+
+
 def continuity_at(curve: Curve, u: float) -> Break:
     """Compare the two sides of a parameter, with respect to u and to arc length."""
-    at = np.array([u])
-    left = curve.derivatives(at, 3, side="left")[:, 0]
-    right = curve.derivatives(at, 3, side="right")[:, 0]
+    return continuity(curve, np.array([u]))[0]
+
+
+def continuity(curve: Curve, u: FloatArray) -> list[Break]:
+    """Compare the two sides of each parameter, with respect to u and to arc length.
+
+    Two values count as equal where they differ by less than a fraction of their size, or by less than rounding can
+    make of them: a k-th derivative is the k-th difference of coordinates over the distance to the next break.  The
+    second and third arc-length derivatives are measured against 1/length at least, so that a straight line has none.
+
+    Where the curve rests on one side there is no tangent to compare: geometric order 0, angle 0.
+    """
     u0, u1 = curve.domain
-    arc = arc_derivatives(np.stack([left, right], axis=1))
-    size = max(float(np.abs(arc[2]).max()), (u1 - u0) ** -1 / max(float(np.abs(left[1]).max()), 1e-300))
-    scales = (1.0, size, size**2)
-    tolerances = (_TANGENT_TOLERANCE, _CURVATURE_TOLERANCE, _CURVATURE_RATE_TOLERANCE)
-    geometric = parametric = 0
-    for k in (1, 2, 3):
-        jump = float(np.abs(arc[k, 0] - arc[k, 1]).max())
-        if geometric == k - 1 and jump <= tolerances[k - 1] * max(float(np.abs(arc[k]).max()), scales[k - 1]):
-            geometric = k
-        reach = max(float(np.abs(left[k]).max()), float(np.abs(right[k]).max()), 1e-300)
-        if parametric == k - 1 and float(np.abs(left[k] - right[k]).max()) <= tolerances[k - 1] * reach:
-            parametric = k
-    chord = float(np.sqrt(np.sum((arc[1, 0] - arc[1, 1]) ** 2)))
-    return Break(
-        u=float(u),
-        parametric=parametric,
-        geometric=geometric,
-        angle=2.0 * float(np.arcsin(min(1.0, 0.5 * chord))),
-        curvature_jump=float(np.abs(arc[2, 0] - arc[2, 1]).max()),
-    )
+    sides = np.stack([curve.derivatives(u, 3, side="left"), curve.derivatives(u, 3, side="right")])
+    jump, size = np.abs(sides[0] - sides[1]).max(axis=-1), np.abs(sides).max(axis=(0, -1))
+    edges = np.concatenate([[u0], curve._candidate_breaks(), [u1]])
+    fence = np.concatenate([[-np.inf], edges, [np.inf]])
+    before, after = fence[np.searchsorted(edges, u, side="left")], fence[np.searchsorted(edges, u, side="right") + 1]
+    gap = np.minimum(u - before, after - u)
+    power = np.arange(4)[:, None]
+    noise = _DERIVATIVE_NOISE * np.maximum(size[0], size[1] * gap) / gap**power
+    tolerance = np.array([0.0, *_JUMP_TOLERANCES])[:, None]
+    parametric = _order(jump <= tolerance * size + noise)
+
+    speed = np.sqrt(np.sum(sides[:, 1] ** 2, axis=-1)).min(axis=0)
+    moving = speed > 0.0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        arcs = np.stack([arc_derivatives(d) for d in sides])
+        arc_size = np.abs(arcs).max(axis=(0, -1))
+        bend = np.maximum(arc_size[2], 1.0 / ((u1 - u0) * speed))
+        arc_size = np.maximum(arc_size, np.stack([np.zeros_like(bend), np.ones_like(bend), bend, bend**2]))
+        arc_jump = np.abs(arcs[0] - arcs[1]).max(axis=-1)
+        geometric = _order(arc_jump <= tolerance * arc_size + noise / speed**power)
+        chord = np.sqrt(np.sum((arcs[0, 1] - arcs[1, 1]) ** 2, axis=-1))
+    at_rest = size[1:].max(axis=0) == 0.0
+    geometric = np.where(moving, geometric, np.where(at_rest, MAX_DERIVATIVE, 0))
+    angle = np.where(moving, 2.0 * np.arcsin(np.minimum(1.0, 0.5 * np.nan_to_num(chord))), 0.0)
+    bend_jump = np.where(moving, np.nan_to_num(arc_jump[2]), 0.0)
+    rows = zip(u, parametric, geometric, angle, bend_jump, strict=True)
+    return [Break(float(at), int(p), int(g), float(turn), float(bends)) for at, p, g, turn, bends in rows]
+
+
+def _order(equal: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Highest k such that the derivatives 1..k are equal, from ``equal (4, n)``."""
+    return np.asarray(np.cumprod(equal[1:], axis=0).sum(axis=0))
+
+
+def require_finite(curve: Curve, u: FloatArray, d: FloatArray) -> None:
+    """Raise CurveError where the derivatives ``d (order + 1, n, dim)`` at the parameters u (n,) are not finite."""
+    bad = ~np.isfinite(d).all(axis=(0, 2))
+    if bad.any():
+        place = u[int(np.argmax(bad))]
+        raise CurveError(f"{curve.name}: not finite at u = {place:.9g}; position and three derivatives must be")
 
 
 def require_regular(curve: Curve) -> None:
     """Raise CurveError where the curve is not finite, has no length, or has a cusp (|C'| = 0).
 
-    |C'|^2 is scanned between the candidate breaks and every low local minimum is refined by golden-section search, so a
-    zero between two scan points is found.
+    |C'|^2 is scanned on every piece from its inside; each minimum that lies well below its neighbours is refined by
+    golden-section search, so a zero between two scan points is found.  What counts is |C'| against its values around,
+    not against the largest on the curve: a slow parametrisation is not a cusp.
     """
-    u0, u1 = curve.domain
-    corners = np.concatenate([[u0], curve._candidate_breaks(), [u1]])
-    steps = np.linspace(0.0, 1.0, _SCAN_POINTS_PER_PIECE + 1)
-    u = np.unique((corners[:-1, None] + np.diff(corners)[:, None] * steps).reshape(-1))
-    u = np.clip(u, u0, u1)
-    d = curve.derivatives(u, 3)
-    if not np.isfinite(d).all():
-        place = int(np.argmax(~np.isfinite(d).all(axis=(0, 2))))
-        raise CurveError(f"{curve.name}: not finite at u = {u[place]:.9g}; position and three derivatives must be")
-    speed2 = np.sum(d[1] ** 2, axis=-1)
-    top = float(speed2.max())
-    if top == 0.0:
+    edges = curve.pieces.breaks
+    length = 0.0
+    slow = []
+    for start in range(0, edges.size - 1, _SCAN_BLOCK):
+        block = edges[start : start + _SCAN_BLOCK + 1]
+        width = np.diff(block)[:, None]
+        u = block[:-1, None] + width * np.linspace(0.0, 1.0, _SCAN_INTERVALS + 1)
+        u[:, -1] = block[1:]
+        d = curve.derivatives(u, 3)
+        d[:, :, -1] = curve.derivatives(block[1:], 3, side="left")
+        require_finite(curve, u.reshape(-1), d.reshape(4, -1, curve.dim))
+        with np.errstate(over="ignore"):
+            speed = np.sqrt(np.sum(d[1] ** 2, axis=-1))
+        if not np.isfinite(speed).all():
+            raise CurveError(f"{curve.name}: |C'| overflows; coordinates over knot spacing must stay below 1e150")
+        length += float(np.sum(speed * width))
+        travel = speed * np.maximum(width, _NARROW * (edges[-1] - edges[0]))
+        slow.append(_slowest(curve, u, speed, travel <= _REST_TOLERANCE * np.abs(d[0]).max(axis=-1)))
+    if length == 0.0:
+        at = curve.derivatives(edges[0], 0)[0].tolist()
+        raise CurveError(f"{curve.name}: the curve has length 0 (every point is {at}); it must have a length")
+    worst = min((item for item in slow if item is not None), default=None)
+    if worst is not None:
         raise CurveError(
-            f"{curve.name}: the curve has length 0 (every point is {d[0, 0].tolist()}); it must have a length"
+            f"{curve.name}: |C'| = {worst[0]:.3g} at u = {worst[1]:.9g} is a cusp; a curve must have a tangent "
+            "everywhere: split it there, or remove repeated control points"
         )
-    padded = np.concatenate([[np.inf], speed2, [np.inf]])
-    low = np.flatnonzero((speed2 <= padded[:-2]) & (speed2 <= padded[2:]) & (speed2 < 0.05 * top))
-    if low.size == 0:
-        return
-    lo, hi = u[np.maximum(low - 1, 0)], u[np.minimum(low + 1, u.size - 1)]
+
+
+def _slowest(curve: Curve, u: FloatArray, speed: FloatArray, resting: NDArray[np.bool_]) -> tuple[float, float] | None:
+    """Smallest |C'| that is a cusp or a rest, and its parameter, from a scan with one row for each piece."""
+    if resting.any():
+        return float(speed[resting][0]), float(u[resting][0])
+    fence = np.pad(speed, ((0, 0), (2, 2)), constant_values=0.0)
+    around = np.max([fence[:, :-4], fence[:, 1:-3], fence[:, 3:-1], fence[:, 4:]], axis=0)
+    fence[:, [0, 1, -2, -1]] = np.inf
+    lowest = (speed <= fence[:, 1:-3]) & (speed <= fence[:, 3:-1])
+    # Where C' passes zero in a straight line, the nearest of the scan points has at most a third of the second next.
+    row, column = np.nonzero(lowest & (speed <= 0.5 * around))
+    if row.size == 0:
+        return None
+    near = around[row, column]
+    lo, hi = u[row, np.maximum(column - 1, 0)], u[row, np.minimum(column + 1, u.shape[1] - 1)]
+    resolution = np.spacing(np.maximum(np.abs(lo), np.abs(hi))) / (hi - lo)
+    at, low = golden_minimum(lambda x: np.sum(curve.derivatives(x, 1)[1] ** 2, axis=-1), lo, hi)
+    low = np.sqrt(low)
+    at = np.where(low <= speed[row, column], at, u[row, column])
+    low = np.minimum(low, speed[row, column])
+    cusps = np.flatnonzero(low <= (_CUSP_TOLERANCE + 8.0 * resolution) * near)
+    if cusps.size == 0:
+        return None
+    worst = int(cusps[np.argmin(low[cusps])])
+    return float(low[worst]), float(at[worst])
+
+
+def golden_minimum(
+    f: Callable[[FloatArray], FloatArray], lo: FloatArray, hi: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Golden-section search on all intervals at once: the place of each minimum, and f there."""
     golden = (np.sqrt(5.0) - 1.0) / 2.0
-    for _ in range(60):
+    for _ in range(60):  # 0.618^60 = 3e-13 of the interval
         inner, outer = hi - golden * (hi - lo), lo + golden * (hi - lo)
-        f = [np.sum(curve.derivatives(x, 1)[1] ** 2, axis=-1) for x in (inner, outer)]
-        keep = f[0] <= f[1]
+        keep = f(inner) <= f(outer)
         lo, hi = np.where(keep, lo, inner), np.where(keep, outer, hi)
-    candidates = np.concatenate([u[low], 0.5 * (lo + hi)])
-    speed = np.sqrt(np.sum(curve.derivatives(candidates, 1)[1] ** 2, axis=-1))
-    worst = int(np.argmin(speed))
-    if speed[worst] < _CUSP_TOLERANCE * np.sqrt(top):
-        raise CurveError(
-            f"{curve.name}: |C'| = {speed[worst]:.3g} at u = {candidates[worst]:.9g} is a cusp (largest |C'| is "
-            f"{np.sqrt(top):.3g}); a curve must have a tangent everywhere: split it there, or remove repeated control points"
-        )
+    at = 0.5 * (lo + hi)
+    return at, f(at)

@@ -20,9 +20,10 @@ from typing import Any
 import numpy as np
 
 from planner.errors import CurveError
-from planner.geometry.curve import Curve, FloatArray, Pieces, Side, require_regular
-from planner.geometry.formula import fit_pieces
+from planner.geometry.curve import Curve, FloatArray, Pieces, Side, golden_minimum, require_regular
+from planner.geometry.fit import fit_pieces
 from planner.geometry.nurbs import NurbsCurve
+from planner.geometry.tape import Tape
 
 _POLE_TOLERANCE = 1e-9  # sin A below this: C has no direction
 _UNWRAP_POINTS_PER_SPAN = 64
@@ -48,18 +49,32 @@ class DualSplineCurve(Curve):
             raise CurveError(f"{self.name}: bottom and top control points must have 3 columns each")
         if self.bottom.domain != self.top.domain:
             raise CurveError(f"{self.name}: bottom and top must share a parameter range")
-        apart = np.sqrt(np.sum(np.diff(self._scan[1], axis=0)[0] ** 2, axis=-1))
-        if apart.min() == 0.0:
-            raise CurveError(
-                f"{self.name}: bottom and top meet at u = {self._scan[0][int(apart.argmin())]:.9g}; no tool axis there"
-            )
-        axis = (self._scan[1][1] - self._scan[1][0]) / apart[:, None]
-        sine = np.hypot(axis[:, 0], axis[:, 1])
-        if sine.min() < _POLE_TOLERANCE:
-            raise CurveError(
-                f"{self.name}: the tool axis is vertical at u = {self._scan[0][int(sine.argmin())]:.9g}, where C is undefined"
-            )
+        self._require_tool_axis()
         require_regular(self)
+
+    def _require_tool_axis(self) -> None:
+        """Raise CurveError where bottom and top meet, or C is undefined because the tool axis is vertical."""
+        u, splines = self._scan
+        across = np.sqrt(np.sum((splines[1] - splines[0])[:, :2] ** 2, axis=-1))
+        low = 1 + np.flatnonzero((across[1:-1] <= across[:-2]) & (across[1:-1] <= across[2:]))
+
+        def across2(at: FloatArray) -> FloatArray:
+            axis = self.top.derivatives(at, 0)[0] - self.bottom.derivatives(at, 0)[0]
+            return np.asarray(np.sum(axis[:, :2] ** 2, axis=-1))
+
+        refined, _ = golden_minimum(across2, u[low - 1], u[low + 1])
+        at = np.concatenate([u, refined])
+        axis = self.top.derivatives(at, 0)[0] - self.bottom.derivatives(at, 0)[0]
+        length = np.sqrt(np.sum(axis**2, axis=-1))
+        shortest = int(np.argmin(length))
+        if length[shortest] <= _POLE_TOLERANCE * length.max():
+            raise CurveError(f"{self.name}: bottom and top meet at u = {at[shortest]:.9g}; there is no tool axis there")
+        sine = np.hypot(axis[:, 0], axis[:, 1]) / length
+        steepest = int(np.argmin(sine))
+        if sine[steepest] < _POLE_TOLERANCE:
+            raise CurveError(
+                f"{self.name}: the tool axis is vertical at u = {at[steepest]:.9g}, where C is undefined; tilt it there"
+            )
 
     @property
     def domain(self) -> tuple[float, float]:  # type: ignore[override]
@@ -96,12 +111,9 @@ class DualSplineCurve(Curve):
         return np.unwrap(np.arctan2(axis[:, 0], axis[:, 1]))
 
     def _evaluate(self, u: FloatArray, order: int, side: Side) -> FloatArray:
-        if u.size == 0:
-            return np.empty((order + 1, 0, 5))
         splines = [spline._evaluate(u, 3, side) for spline in (self.bottom, self.top)]
-        taylor = np.concatenate([np.concatenate(list(s), axis=1) for s in splines], axis=1)
-        values = _machine_axes()(taylor.T)
-        out = np.stack([np.array(values[k]).T for k in range(order + 1)])
+        taylor = np.concatenate([d.T for spline in splines for d in spline])
+        out = _machine_axes()(taylor, order + 1)
         near = np.interp(u, self._scan[0], self._unwrapped)
         out[0, :, 4] += 2.0 * np.pi * np.round((near - out[0, :, 4]) / (2.0 * np.pi))
         return out
@@ -112,8 +124,8 @@ class DualSplineCurve(Curve):
 
 
 @cache
-def _machine_axes() -> Any:
-    """CasADi function from the splines' derivatives 0..3, (24,), to the axes' derivatives 0..3, (5,) each."""
+def _machine_axes() -> Tape:
+    """Map the splines' derivatives 0..3, (24,), to the axes' derivatives 0..3, (5,) each."""
     import casadi
 
     inputs = casadi.SX.sym("taylor", 24)
@@ -138,4 +150,4 @@ def _machine_axes() -> Any:
     ]
     for _ in range(3):
         derivatives.append(casadi.jacobian(derivatives[-1], h))
-    return casadi.Function("machine", [inputs], [casadi.substitute(d, h, 0.0) for d in derivatives])
+    return Tape.record(inputs, [casadi.substitute(d, h, 0.0) for d in derivatives])

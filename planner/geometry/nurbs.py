@@ -9,16 +9,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import factorial
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from planner.errors import CurveError
-from planner.geometry.curve import DEFAULT_AXES, Curve, FloatArray, Pieces, Side, require_regular
+from planner.geometry.curve import DEFAULT_AXES, Curve, FloatArray, Pieces, Side, axis_names, require_regular
+from planner.geometry.inputs import numbers
 
-MAX_DEGREE = 25  # beyond it the power basis in double precision loses the digits the interpolator needs
+MAX_DEGREE = 60  # a bound on the work; the digits would last longer
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,11 +66,11 @@ class NurbsCurve(Curve):
         *,
         rests_allowed: bool = False,
     ) -> None:
-        points, knot_vector = _numbers(control_points, "control_points", name), _numbers(knots, "knots", name)
+        points, knot_vector = _finite(control_points, "control_points", name), _finite(knots, "knots", name)
         if points.ndim != 2 or not 2 <= points.shape[1] <= len(DEFAULT_AXES):
             raise CurveError(f"{name}: control_points has shape {points.shape}; it must be (n, dim) with 2 <= dim <= 6")
         count, dim = points.shape
-        weight = np.ones(count) if weights is None else _numbers(weights, "weights", name)
+        weight = np.ones(count) if weights is None else _finite(weights, "weights", name)
         _validate(points, knot_vector, degree, weight, name)
         for array in (points, knot_vector, weight):
             array.setflags(write=False)
@@ -79,12 +79,12 @@ class NurbsCurve(Curve):
             ("knots", knot_vector),
             ("degree", int(degree)),
             ("weights", weight),
-            ("axes", tuple(DEFAULT_AXES[:dim] if axes is None else axes)),
+            ("axes", axis_names(axes, dim, name)),
             ("name", name),
         ):
             object.__setattr__(self, field, value)
-        if len(self.axes) != dim:
-            raise CurveError(f"{name}: axes names {len(self.axes)} axes, but control_points has {dim} columns")
+        if not np.isfinite(self.pieces.coefficients).all():
+            raise CurveError(f"{name}: control points, weights or knot spacings exceed the range of double precision")
         if not rests_allowed:
             require_regular(self)
 
@@ -97,44 +97,54 @@ class NurbsCurve(Curve):
         return self.pieces.evaluate(u, order, side)
 
     def _candidate_breaks(self) -> FloatArray:
-        return self.pieces.breaks[1:-1]
+        return self._spans[1:-1]
+
+    @cached_property
+    def _spans(self) -> FloatArray:
+        """Distinct knots within the domain, ends included."""
+        u0, u1 = self.domain
+        return np.unique(self.knots[(self.knots >= u0) & (self.knots <= u1)])
 
     @cached_property
     def pieces(self) -> Pieces:
         """The curve as power-basis pieces, exact but for rounding.
 
-        On the span [a, b] the k-th derivative at a is a B-spline of the k-times differenced control points, so each
-        coefficient costs one de Boor evaluation; none is differenced from nearby numbers.
+        On a piece that starts at a, the k-th derivative at a is a B-spline of the k-times differenced control points,
+        so each coefficient costs one de Boor evaluation; none is differenced from nearby numbers.
+
+        Up to degree 4 a piece is a span.  From there a span is split into m = (p - 1) // 2 pieces: the powers of w sum
+        up to (1 + 2/m)^p times the control points, and rounding with them; this way the factor stays below 82.
         """
         p = self.degree
-        homogeneous = np.column_stack([self.control_points * self.weights[:, None], self.weights])
-        u0, u1 = self.domain
-        breaks = np.unique(self.knots[(self.knots >= u0) & (self.knots <= u1)])
-        span = np.searchsorted(self.knots, breaks[:-1], side="right") - 1
-        width = np.diff(breaks)
-        coefficients = np.empty((span.size, homogeneous.shape[1], p + 1))
-        # local[i] holds the p + 1 control points that act on span i
-        local = homogeneous[span[:, None] + np.arange(-p, 1)]
-        differenced = local
-        for k in range(p + 1):
-            degree = p - k
-            value = differenced
-            for r in range(degree, 0, -1):  # de Boor's triangle at the left end of the span
-                index = span[:, None] + np.arange(-r + 1, 1)
-                left, right = self.knots[index], self.knots[index + r]
-                blend = ((breaks[:-1, None] - left) / (right - left))[..., None]
-                value = (1.0 - blend) * value[:, :-1] + blend * value[:, 1:]
-            coefficients[:, :, k] = value[:, 0] * (width**k / factorial(k))[:, None]
-            if degree > 0:
-                index = span[:, None] + np.arange(-degree + 1, 1)
-                gap = self.knots[index + degree] - self.knots[index]
-                differenced = degree * np.diff(differenced, axis=1) / gap[..., None]
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            homogeneous = np.column_stack([self.control_points * self.weights[:, None], self.weights])
+            breaks = _subdivide(self._spans, max(1, (p - 1) // 2))
+            width = np.diff(breaks)
+            span = np.searchsorted(self.knots, breaks[:-1], side="right") - 1
+            coefficients = np.empty((span.size, homogeneous.shape[1], p + 1))
+            differenced = homogeneous[span[:, None] + np.arange(-p, 1)]  # the p + 1 control points that act on a span
+            for k in range(p + 1):
+                coefficients[:, :, k] = self._de_boor(differenced, span, breaks[:-1])
+                if k < p:  # control points of the next derivative; width / (k + 1) makes Taylor coefficients of them
+                    index = span[:, None] + np.arange(k - p + 1, 1)
+                    gap = self.knots[index + p - k] - self.knots[index]
+                    factor = (p - k) / (k + 1) * width[:, None] / gap
+                    differenced = factor[..., None] * np.diff(differenced, axis=1)
         rational = bool(np.any(self.weights != self.weights[0]))
         if not rational:
             coefficients /= self.weights[0]
             coefficients[:, -1] = 0.0
             coefficients[:, -1, 0] = 1.0
-        return Pieces(breaks, np.ascontiguousarray(coefficients), rational)
+        return Pieces(breaks, coefficients, rational)
+
+    def _de_boor(self, points: FloatArray, span: NDArray[np.intp], at: FloatArray) -> FloatArray:
+        """De Boor's triangle at a parameter of each span: (m, r + 1, dim) control points of degree r to (m, dim)."""
+        for r in range(points.shape[1] - 1, 0, -1):
+            index = span[:, None] + np.arange(-r + 1, 1)
+            left, right = self.knots[index], self.knots[index + r]
+            blend = ((at[:, None] - left) / (right - left))[..., None]
+            points = (1.0 - blend) * points[:, :-1] + blend * points[:, 1:]
+        return points[:, 0]
 
     def definition(self) -> Mapping[str, Any]:
         """Degree, knots, control points, weights and axes."""
@@ -148,11 +158,17 @@ class NurbsCurve(Curve):
         }
 
 
-def _numbers(values: ArrayLike, what: str, name: str) -> FloatArray:
-    try:
-        array = np.array(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise CurveError(f"{name}: {what} must be an array of numbers of one length each ({error})") from None
+def _subdivide(edges: FloatArray, parts: int) -> FloatArray:
+    """Split every interval into equal parts; an interval too narrow for it gives fewer."""
+    if parts == 1:
+        return edges
+    steps = np.arange(parts) / parts
+    inner = edges[:-1, None] + np.diff(edges)[:, None] * steps
+    return np.unique(np.append(np.minimum(inner, edges[1:, None]), edges[-1]))
+
+
+def _finite(values: ArrayLike, what: str, name: str) -> FloatArray:
+    array = numbers(values, f"{name}: {what}", CurveError)
     if not np.isfinite(array).all():
         place = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
         index = "".join(f"[{i}]" for i in place)
@@ -168,24 +184,27 @@ def _validate(points: FloatArray, knots: FloatArray, degree: int, weights: Float
         raise CurveError(f"{name}: {count} control points are too few; degree {degree} needs at least {degree + 1}")
     if knots.shape != (count + degree + 1,):
         raise CurveError(
-            f"{name}: knots has length {knots.size}; {count} control points of degree {degree} need {count + degree + 1}"
+            f"{name}: knots has length {knots.size}; {count} control points of degree {degree} need "
+            f"{count + degree + 1}"
         )
     falling = np.flatnonzero(np.diff(knots) < 0.0)
     if falling.size:
         i = int(falling[0]) + 1
         raise CurveError(
-            f"{name}: knots[{i}] = {knots[i]!r} is less than knots[{i - 1}] = {knots[i - 1]!r}; knots must not decrease"
+            f"{name}: knots[{i}] = {float(knots[i])!r} is less than knots[{i - 1}] = {float(knots[i - 1])!r}; "
+            "knots must not decrease"
         )
     if knots[degree] >= knots[count]:
         raise CurveError(
-            f"{name}: knots[{degree}] = knots[{count}] = {knots[degree]!r}; the parameter range must not be empty"
+            f"{name}: knots[{degree}] = knots[{count}] = {float(knots[degree])!r}; "
+            "the parameter range must not be empty"
         )
     inner, times = np.unique(knots, return_counts=True)
     over = np.flatnonzero((times > degree) & (inner > knots[degree]) & (inner < knots[count]))
     if over.size:
         i = int(over[0])
         raise CurveError(
-            f"{name}: knot {inner[i]!r} appears {times[i]} times; inside the range at most degree = {degree}"
+            f"{name}: knot {float(inner[i])!r} appears {times[i]} times; inside the range at most degree = {degree}"
         )
     if weights.shape != (count,):
         raise CurveError(
@@ -193,4 +212,4 @@ def _validate(points: FloatArray, knots: FloatArray, degree: int, weights: Float
         )
     if (weights <= 0.0).any():
         i = int(np.argmax(weights <= 0.0))
-        raise CurveError(f"{name}: weights[{i}] = {weights[i]!r} must be > 0")
+        raise CurveError(f"{name}: weights[{i}] = {float(weights[i])!r} must be > 0")

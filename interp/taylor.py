@@ -1,0 +1,338 @@
+"""The interpolators a controller calls once a period, and the plain arrays they run on.
+
+    table = InterpolatorTable.from_profile(profile)
+    state = start(table, 1e-3)
+    position = state[-table.dim :]                # a view of the last sample, now the one at t = 0
+    while not quintic_step(*table.arrays, state):
+        send(position)
+
+``quintic_step`` follows the plan itself: at t = k T it evaluates the time law u(t) of the profile and the curve there,
+so no error accumulates.  ``taylor_step`` is the interpolator of the literature, which keeps u and adds to it in every
+period what the plan's feed V(t), acceleration A(t) and jerk J(t) say; its error accumulates, and its last sample jumps
+to the end of the path.  Both read plain arrays and the state only: see ``interp.kernels`` for the layout.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import frexp, isfinite, ldexp
+
+import numpy as np
+from numpy.typing import NDArray
+
+from interp import kernels
+from interp.kernels import quintic_step, taylor_step
+from planner.errors import InputError
+from planner.geometry.curve import FloatArray, Pieces
+from planner.profile import FeedrateProfile, quintic_coefficients
+
+__all__ = ["InterpolatorTable", "TaylorTable", "last_sample", "quintic_step", "start", "taylor_step"]
+
+Run = Callable[[FloatArray, FloatArray, FloatArray], None]
+
+# A duration this close to a whole number of periods, in periods, is that number: its rounding must not add a sample.
+_WHOLE_PERIOD = 1e-9
+# Leading bits of the period; times a sample number below 2^33 their product is exact.
+_PERIOD_BITS = 20
+_MAX_SAMPLE = 2**33
+_BISECTIONS = 64
+# A plan may fall back by this share of its path: the noise of quintics between close nodes, not a motion.
+_FALLING_BACK = 1e-10
+_PROBES = 9
+
+
+@dataclass(frozen=True, eq=False)
+class InterpolatorTable:
+    """What ``quintic_step`` reads: the time law of a plan and the curve, cut where either changes its polynomial.
+
+    Attributes
+    ----------
+    segments : (n + 1, 8) array
+        Start time, quintic, curve piece.
+    pieces : (m + 1, rows, degree + 1) array
+        Curve pieces.
+    duration : float
+        Of the plan, s.
+    u_range : pair of float
+        Curve parameter at the start and at the end.
+    ends : (2, dim) array
+        Positions there, mm (rad for rotary axes).
+    """
+
+    segments: FloatArray
+    pieces: FloatArray
+    duration: float
+    u_range: tuple[float, float]
+    ends: FloatArray
+
+    def __post_init__(self) -> None:
+        for array in (self.segments, self.pieces, self.ends):
+            array.setflags(write=False)
+
+    @classmethod
+    def from_profile(cls, profile: FeedrateProfile) -> InterpolatorTable:
+        """Build the table of a plan.
+
+        Between two nodes of the plan u(t) is a quintic.  Where it crosses from one curve piece to the next, the
+        quintic is split there and expanded about the crossing, in the local parameter of the new piece.  A step thus
+        advances one pointer, and small numbers stay small: the parameter within the piece, the time within the segment.
+
+        Raises
+        ------
+        InputError
+            If the curve parameter of the plan falls back somewhere.
+        """
+        axes = profile.curve.pieces
+        return cls(_segments(profile, axes.breaks), _packed(axes), *_course(profile))
+
+    @property
+    def dim(self) -> int:
+        """Number of machine axes."""
+        return int(self.ends.shape[1])
+
+    @property
+    def arrays(self) -> tuple[FloatArray, FloatArray]:
+        """The leading arguments of ``quintic_step``."""
+        return self.segments, self.pieces
+
+
+@dataclass(frozen=True, eq=False)
+class TaylorTable:
+    """What ``taylor_step`` reads: the feed of a plan over time, and the curve.
+
+    Attributes
+    ----------
+    feed : (n + 1, 5) array
+        Start time and cubic of the path speed V(t), mm/s; its derivatives are A(t) and J(t).
+    pieces : (m + 1, rows, degree + 1) array
+        Curve pieces of the machine axes and, where it is not made of these, of the tool tip, whose speed the feed is.
+    duration, u_range, ends
+        As in :class:`InterpolatorTable`.
+    """
+
+    feed: FloatArray
+    pieces: FloatArray
+    duration: float
+    u_range: tuple[float, float]
+    ends: FloatArray
+
+    def __post_init__(self) -> None:
+        for array in (self.feed, self.pieces, self.ends):
+            array.setflags(write=False)
+
+    @classmethod
+    def from_profile(cls, profile: FeedrateProfile) -> TaylorTable:
+        """Build the table of a plan.
+
+        Between two nodes V(t) is the cubic that takes the feed and the acceleration of both: exact where the jerk is
+        constant.
+        """
+        curve = profile.curve
+        axes, tip = curve.pieces, curve.tip.pieces
+        if curve.tip is curve:
+            return cls(_feed(profile), _packed(axes), *_course(profile))
+        breaks = np.union1d(axes.breaks, tip.breaks)
+        pieces = _packed(_refined(axes, breaks), _refined(tip, breaks))
+        return cls(_feed(profile), pieces, *_course(profile))
+
+    @property
+    def dim(self) -> int:
+        """Number of machine axes."""
+        return int(self.ends.shape[1])
+
+    @property
+    def arrays(self) -> tuple[FloatArray, FloatArray]:
+        """The arguments of ``taylor_step`` after the order."""
+        return self.feed, self.pieces
+
+
+def start(table: InterpolatorTable | TaylorTable, period: float, *, first: int = 0) -> FloatArray:
+    """Return the state at sample ``first``.
+
+    Parameters
+    ----------
+    table : InterpolatorTable or TaylorTable
+    period : float
+        Time between two samples, s.
+    first : int
+        Sample to begin with, at most the last.  Only a plan that is followed exactly can be entered in the middle:
+        with a :class:`TaylorTable` it must be 0.
+
+    Returns
+    -------
+    (8 + 2 dim,) array
+        For ``quintic_step`` or ``taylor_step``.  Sample number, curve parameter and the rest are at the indices
+        ``SAMPLE``, ``U``, ... of ``interp.kernels``, the position in the last dim places; a copy is a snapshot that
+        continues identically.
+
+    Raises
+    ------
+    InputError
+        If the period is not positive and finite, or there is no such first sample.
+    """
+    last = last_sample(table.duration, period)
+    if not 0 <= first <= last:
+        raise InputError(f"first = {first!r} must lie within 0 and {last}, the number of the last sample")
+    if first > 0 and isinstance(table, TaylorTable):
+        raise InputError(f"first = {first!r} must be 0: a Taylor step starts from the parameter of the step before it")
+    mantissa, exponent = frexp(period)
+    high = ldexp(float(int(mantissa * 2**_PERIOD_BITS)), exponent - _PERIOD_BITS)
+    state = np.zeros(kernels.END + 2 * table.dim)
+    state[kernels.SAMPLE] = max(first - 1, 0)
+    state[kernels.U] = table.u_range[0]
+    state[kernels.PERIOD_HIGH], state[kernels.PERIOD_LOW] = high, period - high
+    state[kernels.LAST] = last
+    state[kernels.U_END] = table.u_range[1]
+    state[kernels.END :] = table.ends[::-1].reshape(-1)
+    if first > 0 and isinstance(table, InterpolatorTable):
+        quintic_step(*table.arrays, state)
+    return state
+
+
+def last_sample(duration: float, period: float) -> int:
+    """Number of the last sample, ceil(duration / period), and at least 1.
+
+    Raises
+    ------
+    InputError
+        If the period is not positive and finite, or too short to count the samples of the plan.
+    """
+    if not (isfinite(period) and period > 0.0):
+        raise InputError(f"period = {period!r} s must be > 0 and finite")
+    periods = duration / period if duration < _MAX_SAMPLE * period else np.inf
+    if periods == np.inf:
+        raise InputError(
+            f"period = {period!r} s cuts the plan of {duration:.9g} s into more than 2^33 samples; use a coarser period"
+        )
+    whole = round(periods)
+    return max(1, whole if abs(periods - whole) <= _WHOLE_PERIOD else int(np.ceil(periods)))
+
+
+def runner(table: InterpolatorTable | TaylorTable, order: int) -> Run:
+    """Return the compiled loop of an order: (state, u, flat positions), filled with ``u.size`` steps."""
+    arrays = table.arrays
+    if isinstance(table, InterpolatorTable):
+        return lambda state, u, positions: kernels.quintic_run(*arrays, state, u, positions)
+    return lambda state, u, positions: kernels.taylor_run(order, *arrays, state, u, positions)
+
+
+def _course(profile: FeedrateProfile) -> tuple[float, tuple[float, float], FloatArray]:
+    """Duration, and both ends: their parameters, and positions by the curve itself rather than by its pieces."""
+    u = profile.u[[0, -1]]
+    return profile.duration, (float(u[0]), float(u[1])), profile.curve.derivatives(u, 0)[0]
+
+
+def _packed(axes: Pieces, tip: Pieces | None = None) -> FloatArray:
+    """Lay pieces out as ``interp.kernels`` reads them; the tip's, where there are any, have the breaks of the axes'."""
+    parts = [axes.coefficients if axes.rational or tip else axes.coefficients[:, :-1]]
+    if tip is not None:
+        parts.append(tip.coefficients)
+    size = max(2, *(part.shape[2] for part in parts))
+    packed = np.zeros((axes.breaks.size, 1 + sum(part.shape[1] for part in parts), size))
+    packed[:-1, 0, 0], packed[:-1, 0, 1] = axes.breaks[:-1], np.diff(axes.breaks)
+    packed[-1, 0, 0] = np.inf
+    row = 1
+    for part in parts:
+        _, count, powers = part.shape
+        packed[:-1, row : row + count, size - powers :] = part[:, :, ::-1]
+        row += count
+    return packed
+
+
+def _refined(pieces: Pieces, breaks: FloatArray) -> Pieces:
+    """Cut pieces at more breaks: on a part [lo, lo + scale] of [0, 1], w = lo + scale x."""
+    owner = np.searchsorted(pieces.breaks, breaks[:-1], side="right") - 1
+    width = np.diff(pieces.breaks)[owner]
+    lo, scale = (breaks[:-1] - pieces.breaks[owner]) / width, np.diff(breaks) / width
+    powers = pieces.coefficients.shape[2]
+    shifted = _expanded(pieces.coefficients[owner].transpose(2, 0, 1), lo[:, None])
+    shifted *= scale[:, None] ** np.arange(powers)[:, None, None]
+    return Pieces(breaks, np.ascontiguousarray(shifted.transpose(1, 2, 0)), pieces.rational)
+
+
+def _intervals(profile: FeedrateProfile) -> tuple[NDArray[np.intp], FloatArray]:
+    """Index of the first node, and the length, of every interval that is not empty."""
+    gap = np.diff(profile.t)
+    index = np.flatnonzero(gap > 0.0)
+    return index, gap[index]
+
+
+def _segments(profile: FeedrateProfile, breaks: FloatArray) -> FloatArray:
+    i, gap = _intervals(profile)
+    t, u, rate, acceleration = profile.t, profile.u, profile.u_rate, profile.u_acceleration
+    law = quintic_coefficients(gap, (u[i], rate[i], acceleration[i]), (u[i + 1], rate[i + 1], acceleration[i + 1]))
+    _require_forward(law, gap, t[i])
+    pieces = breaks.size - 1
+    first = np.clip(np.searchsorted(breaks, u[i], side="right") - 1, 0, pieces - 1)
+    last = np.clip(np.searchsorted(breaks, u[i + 1], side="left") - 1, first, pieces - 1)
+    count = last - first + 1
+    owner = np.repeat(np.arange(i.size), count)
+    crossed = np.arange(owner.size) - np.repeat(np.cumsum(count) - count, count)  # breaks passed within the interval
+    piece = first[owner] + crossed
+    later = crossed > 0
+    begin = t[i][owner]
+    begin[later] += _crossing(law[:, owner[later]], breaks[piece[later]], gap[owner[later]])
+    local = law[:, owner]
+    local[0] -= breaks[piece]  # before the expansion: the difference of two close numbers is exact
+    table = np.zeros((owner.size + 1, 8))
+    table[:-1, 0] = begin
+    table[:-1, 1:7] = (_expanded(local, begin - t[i][owner]) / np.diff(breaks)[piece]).T
+    table[:-1, 7] = piece
+    table[-1, 0] = np.inf
+    return table
+
+
+def _require_forward(law: FloatArray, gap: FloatArray, begin: FloatArray) -> None:
+    """Raise InputError where u(t) falls back by more than roundings between two nodes: they lie too far apart."""
+    x = np.linspace(0.0, 1.0, _PROBES)[:, None]
+    u = np.zeros((_PROBES, gap.size))
+    for k in range(5, 0, -1):
+        u = (u + law[k] * gap**k) * x
+    travelled = float(law[0, -1] - law[0, 0] + u[-1, -1])
+    back = -np.diff(u, axis=0).min(axis=0)
+    worst = int(np.argmax(back))
+    if back[worst] > _FALLING_BACK * travelled:
+        raise InputError(
+            f"the curve parameter of the plan falls back by {back[worst]:.3g} between t = {begin[worst]!r} and "
+            f"{begin[worst] + gap[worst]!r} s; it must not decrease: the plan needs more nodes there"
+        )
+
+
+def _crossing(law: FloatArray, level: FloatArray, gap: FloatArray) -> FloatArray:
+    """Time within [0, gap] at which each quintic (6, n) reaches its level, by bisection."""
+    lo, hi = np.zeros_like(gap), gap.copy()
+    for _ in range(_BISECTIONS):
+        mid = 0.5 * (lo + hi)
+        value = law[0] - level
+        power = np.ones_like(mid)
+        for row in law[1:]:
+            power = power * mid
+            value = value + row * power
+        below = value < 0.0
+        lo, hi = np.where(below, mid, lo), np.where(below, hi, mid)
+    return 0.5 * (lo + hi)
+
+
+def _expanded(c: FloatArray, shift: FloatArray) -> FloatArray:
+    """Coefficients of p(shift + x) in powers of x; the first axis of ``c`` counts the powers (Horner, synthetic)."""
+    out = c.copy()
+    size = out.shape[0]
+    for first in range(size - 1):
+        for k in range(size - 2, first - 1, -1):
+            out[k] += shift * out[k + 1]
+    return out
+
+
+def _feed(profile: FeedrateProfile) -> FloatArray:
+    i, gap = _intervals(profile)
+    v, a = profile.feed, profile.acceleration
+    rest = v[i + 1] - v[i] - gap * a[i]
+    bend = gap * (a[i + 1] - a[i])
+    table = np.zeros((i.size + 1, 5))
+    table[:-1, 0] = profile.t[i]
+    table[:-1, 1], table[:-1, 2] = v[i], a[i]
+    table[:-1, 3] = (3.0 * rest - bend) / gap**2
+    table[:-1, 4] = (bend - 2.0 * rest) / gap**3
+    table[-1, 0] = np.inf
+    return table

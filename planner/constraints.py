@@ -1,0 +1,220 @@
+"""Curve, limits and knots in; the arrays a solver sees out, and nothing else.
+
+With x = sigma_dot^2, a = sigma_ddot = x'/2, c = a' = x''/2 (a prime is d/dsigma), q the machine axes and p the tip,
+
+    speed         |p'| sqrt(x) <= feed, chord limit;  |q_j'| sqrt(x) <= V_j
+    acceleration  |q_j'' x + q_j' a| <= A_j
+    jerk          |q_j''' x + 3 q_j'' a + q_j' c| sqrt(x) <= J_j
+
+and the tangential limits are the same rows for one more "axis", the arc length of the tip.  Scaled to 1 they read
+
+    x / cap <= 1,     |alpha x + beta a| <= 1,     |r . (x, a, c)| <= x^(-1/2).
+
+They are collocated at the knots and at the midpoints of the intervals.  Lengths and times are scaled so that the mean
+interval has length 1 and takes about the time 1: a solver never sees millimetres or seconds, and the same path in other
+units gives the same arrays.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.geometry.curve import FloatArray
+from planner.grid import Grid, Scan
+from planner.limits import Limits, chord_feed_limit
+from planner.sections import Section, axis_weights, evaluate
+
+# A step D of an axis' acceleration adds 0.75 D / period to the jerk of the samples: with D <= 2/3 J period that is
+# J/2, and the plan's own jerk near the break takes at most the other half.
+_STEP_SHARE = 2.0 / 3.0
+_HALF = 0.5
+_PERIODS_AROUND_STEP = 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class Constraints:
+    """What a solver sees of a path and a machine, in units of ``length_unit`` (of sigma) and ``time_unit`` (s).
+
+    Points are the knots and midpoints in order: point 2k is knot k, point 2k+1 the middle of interval k.
+
+    Attributes
+    ----------
+    h : (n - 1,) array
+        Interval lengths; 0 between the two knots of a double one.
+    cap : (2n - 1,) array
+        Largest x at each point.
+    acceleration : (m, 2, 2n - 1) array
+        Rows (alpha, beta) of the m axes that have an acceleration limit.
+    jerk : (l, 3, 2n - 1) array
+        Rows r of the l axes that have a jerk limit.
+    weight : (2n - 1,) array
+        Simpson weights: the time is sum(weight * x^(-1/2)).
+    start, end : float
+        Prescribed x at the first and last knot, nan where it is free.
+    guess : (n,) array
+        A guess of x at the knots, positive.
+    periodic : bool
+        First and last knot share x, a and c.
+    length_unit, time_unit : float
+        Of the scaled problem.
+    """
+
+    h: FloatArray
+    cap: FloatArray
+    acceleration: FloatArray
+    jerk: FloatArray
+    weight: FloatArray
+    start: float
+    end: float
+    guess: FloatArray
+    periodic: bool
+    length_unit: float
+    time_unit: float
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """The path at points of sigma: derivatives of the axes, of the tip's arc length, and of u, with respect to sigma.
+
+    ``axes (4, p, dim)``, ``tip (4, p)`` (row 0 unused), ``u (4, p)``, ``curvature (p,)`` of the tip.
+    """
+
+    axes: FloatArray
+    tip: FloatArray
+    u: FloatArray
+    curvature: FloatArray
+
+
+def path_at(section: Section, limits: Limits, sigma: FloatArray, u: FloatArray | None, left: NDArray[np.intp] | None) -> Path:
+    """Evaluate the path of a section at any sigma; ``u`` if known exactly, ``left`` the indices to take from the left."""
+    curve = section.curve
+    rest = section.rest_map(sigma)
+    if u is None:
+        u = section.parameter(rest[0])
+    q = evaluate(curve, u, left)
+    u1, u2, u3 = section.parameter_derivatives(q, axis_weights(limits), rest)
+    tip = q if curve.tip is curve else evaluate(curve.tip, u, left)
+    speed = np.sqrt(np.sum(tip[1] ** 2, axis=-1))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        s2 = np.where(speed > 0.0, np.sum(tip[1] * tip[2], axis=-1) / speed, 0.0)
+        s3 = np.sum(tip[2] ** 2, axis=-1) + np.sum(tip[1] * tip[3], axis=-1) - s2**2
+        s3 = np.where(speed > 0.0, s3 / speed, 0.0)
+        bend = np.sqrt(np.sum((tip[2] - (s2 / speed)[:, None] * tip[1]) ** 2, axis=-1)) / speed**2
+    curvature = np.where(speed > 0.0, np.nan_to_num(bend), 0.0)
+
+    def chain(d1: FloatArray, d2: FloatArray, d3: FloatArray, tail: tuple[int, ...]) -> list[FloatArray]:
+        v1, v2, v3 = (part.reshape(tail) for part in (u1, u2, u3))
+        return [d1 * v1, d2 * v1**2 + d1 * v2, d3 * v1**3 + 3.0 * d2 * v1 * v2 + d1 * v3]
+
+    axes = np.stack([q[0], *chain(q[1], q[2], q[3], (-1, 1))])
+    along = np.stack([np.zeros_like(speed), *chain(speed, s2, s3, (-1,))])
+    return Path(axes, along, np.stack([u, u1, u2, u3]), curvature)
+
+
+def build(
+    section: Section, limits: Limits, grid: Grid, guess: Scan, *, periodic: bool = False
+) -> tuple[Constraints, Path]:
+    """Assemble the constraints of one section on a grid, and the path at its points."""
+    n = grid.sigma.size
+    h = np.diff(grid.sigma)
+    sigma = np.empty(2 * n - 1)
+    sigma[0::2], sigma[1::2] = grid.sigma, 0.5 * (grid.sigma[1:] + grid.sigma[:-1])
+    u = section.parameter(section.rest_map(sigma)[0])
+    u[0::2] = grid.u
+    empty = 2 * np.flatnonzero(h == 0.0) + 1
+    u[empty] = u[empty - 1]
+    path = path_at(section, limits, sigma, u, 2 * grid.left)
+    x_guess, duration = _guess(section, grid, guess)
+    scale = section.span / grid.intervals
+    tau = duration / grid.intervals
+    cap = _cap(limits, path)
+    rows_a, rows_j = _rows(limits, path)
+    for b in section.jumps:
+        _soften_jump(b.u, limits, grid, path, cap, rows_j)
+    rows_a[:, :, empty] = 0.0
+    rows_j[:, :, empty] = 0.0
+    weight = np.zeros(2 * n - 1)
+    weight[0:-1:2] += h / 6.0
+    weight[1::2] += 4.0 * h / 6.0
+    weight[2::2] += h / 6.0
+    per_x = (scale / tau) ** 2
+    start, end = (
+        np.nan if feed is None or periodic else (feed / path.tip[1, at]) ** 2 / per_x
+        for feed, at in ((section.start_feed, 0), (section.end_feed, -1))
+    )
+    # x = per_x x*, a = per_x / scale a*, c = per_x / scale^2 c*; the time derivative of order k scales by tau^-k
+    units_a = np.array([per_x, per_x / scale])[None, :, None]
+    units_j = np.array([per_x, per_x / scale, per_x / scale**2])[None, :, None] * (scale / tau)
+    constraints = Constraints(
+        h=h / scale,
+        cap=cap / per_x,
+        acceleration=np.ascontiguousarray(rows_a * units_a),
+        jerk=np.ascontiguousarray(rows_j * units_j),
+        weight=weight / scale,
+        start=start,
+        end=end,
+        guess=x_guess / per_x,
+        periodic=periodic,
+        length_unit=scale,
+        time_unit=tau,
+    )
+    return constraints, path
+
+
+def _cap(limits: Limits, path: Path) -> FloatArray:
+    """Largest x that feed, chord error and axis velocities allow at each point."""
+    feed = np.minimum(limits.feed, chord_feed_limit(path.curvature, limits))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        speed = np.fmin(feed / path.tip[1], np.fmin.reduce(limits.velocity / np.abs(path.axes[1]), axis=1))
+    return np.where(np.isnan(speed), np.inf, speed) ** 2
+
+
+def _rows(limits: Limits, path: Path) -> tuple[FloatArray, FloatArray]:
+    """Rows of the axes (and of the tip's arc length) that have a finite acceleration or jerk limit, scaled to 1."""
+    motions = [(path.axes[:, :, j], limits.acceleration[j], limits.jerk[j]) for j in range(limits.dim)]
+    motions.append((path.tip, limits.tangential_acceleration, limits.tangential_jerk))
+    points = path.curvature.size
+    rows_a = [np.stack([q[2], q[1]]) / bound for q, bound, _ in motions if np.isfinite(bound)]
+    rows_j = [np.stack([q[3], 3.0 * q[2], q[1]]) / bound for q, _, bound in motions if np.isfinite(bound)]
+    return (
+        np.array(rows_a).reshape(len(rows_a), 2, points),
+        np.array(rows_j).reshape(len(rows_j), 3, points),
+    )
+
+
+def _soften_jump(at: float, limits: Limits, grid: Grid, path: Path, cap: FloatArray, rows_j: FloatArray) -> None:
+    """Lower the cap at a curvature jump and halve the jerk within three periods of it."""
+    first = int(np.flatnonzero((grid.u[:-1] == at) & (grid.u[1:] == at))[0])
+    step = np.abs(path.axes[2, 2 * first + 2] - path.axes[2, 2 * first])
+    with np.errstate(divide="ignore"):
+        allowed = float(np.min(_STEP_SHARE * limits.jerk * limits.period / step))
+    cap[2 * first : 2 * first + 3] = np.minimum(cap[2 * first : 2 * first + 3], allowed)
+    # Within three periods the plan cannot go further than at the break's feed plus three periods of acceleration.
+    sigma = np.repeat(grid.sigma, 2)[:-1].copy()
+    sigma[1::2] = 0.5 * (grid.sigma[1:] + grid.sigma[:-1])
+    window = _PERIODS_AROUND_STEP * limits.period
+    slope = np.abs(path.axes[1, 2 * first])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        gain = float(np.nanmin(np.append(limits.acceleration, np.inf) / np.append(slope, 0.0))) * window
+    reach = window * (np.sqrt(cap[2 * first]) + gain) if np.isfinite(gain) else np.inf
+    near = np.abs(sigma - grid.sigma[first]) <= max(reach, float(np.diff(grid.sigma)[first - 1]))
+    rows_j[:, :, near] /= _HALF
+
+
+def _guess(section: Section, grid: Grid, guess: Scan) -> tuple[FloatArray, float]:
+    """Guess x at the knots by the time between knots, and the duration.
+
+    The mean of sigma_dot over an interval is finite at rest, where the ratio of feed and dy/dsigma is 0/0.
+    """
+    mean = 0.5 * (guess.feed[1:] + guess.feed[:-1])
+    time = np.concatenate([[0.0], np.cumsum(np.diff(guess.length) / mean)])
+    h = np.diff(grid.sigma)
+    inner = h > 0.0
+    dt = np.diff(np.interp(section.rest_map(grid.sigma)[0], guess.y, time))
+    floor = 1e-9 * time[-1] / grid.intervals
+    rate = (h / np.maximum(dt, floor))[inner]
+    centre = (0.5 * (grid.sigma[1:] + grid.sigma[:-1]))[inner]
+    return np.interp(grid.sigma, centre, rate) ** 2, float(time[-1])

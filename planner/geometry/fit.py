@@ -1,0 +1,122 @@
+"""Polynomial pieces fitted to a smooth curve, for compiled code.
+
+Each piece interpolates the curve at Chebyshev points of the second kind, ends included, so that neighbours join.  A
+piece is halved until every coordinate is within tolerance between the points, measured on the exact curve.
+"""
+
+from __future__ import annotations
+
+from math import comb
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from planner.errors import CurveError
+from planner.geometry.curve import Curve, FloatArray, Pieces, require_finite
+
+_DEGREE = 9  # balances the number of pieces against the cost of a step
+_TOLERANCE = 1e-13  # of the extent: 1e-11 mm on 100 mm
+_ANGLE = 1.0  # rad; extents of the rotary axes count as this at least
+_SCAN_POINTS = 400
+# A corner hidden in a formula leaves an error of about a twentieth of the piece, which is seen at this depth.
+_MAX_HALVINGS = 34
+_MAX_PIECES = 50_000
+
+_NODES = 0.5 - 0.5 * np.cos(np.pi * np.arange(_DEGREE + 1) / _DEGREE)
+
+
+def fit_pieces(curve: Curve) -> Pieces:
+    """Fit polynomial pieces of degree 9 to 1e-13 of the curve's extent.
+
+    The extent is that of the linear axes together, and of the rotary ones together.  Added is what rounding makes of
+    the position, and of the parameter at the speed of the curve: no evaluation can tell closer.
+
+    Raises
+    ------
+    CurveError
+        If the curve is not finite, or not smooth between its breaks.
+    """
+    u0, u1 = curve.domain
+    corners = np.concatenate([[u0], curve._candidate_breaks(), [u1]])
+    tolerance = _tolerances(curve)
+    lo, hi = corners[:-1], corners[1:]
+    done: list[tuple[FloatArray, FloatArray]] = []
+    settled = 0
+    # A feature between the probes would be missed: the first, wide pieces are probed closely.
+    probes = _SCAN_POINTS // lo.size
+    for _ in range(_MAX_HALVINGS):
+        power, error = _interpolate(curve, lo, hi, max(probes, 2 * _DEGREE))
+        good = (error <= tolerance).all(axis=1)
+        done.append((lo[good], power[good]))
+        settled += int(np.count_nonzero(good))
+        lo, hi = lo[~good], hi[~good]
+        if lo.size == 0:
+            return _join(done, u1)
+        if settled + 2 * lo.size > _MAX_PIECES:
+            raise CurveError(
+                f"{curve.name}: more than {_MAX_PIECES} polynomial pieces are needed; the curve oscillates too fast, "
+                "or rounding hides its shape"
+            )
+        mid = 0.5 * (lo + hi)
+        lo, hi = np.concatenate([lo, mid]), np.concatenate([mid, hi])
+        probes //= 2
+    raise CurveError(
+        f"{curve.name}: not smooth near u = {lo[0]:.9g}; a curve must not jump, turn a corner or have a pole: "
+        "split it there"
+    )
+
+
+def _tolerances(curve: Curve) -> FloatArray:
+    """Largest error allowed in each coordinate, (dim,)."""
+    u = np.linspace(*curve.domain, _SCAN_POINTS)
+    scan = curve.derivatives(u, 3)
+    require_finite(curve, u, scan)
+    linear = np.array([unit == "mm" for unit in curve.axis_units])
+    eps = np.finfo(np.float64).eps
+    rounding = 8.0 * eps * np.abs(scan[0]).max(axis=0) + 2.0 * np.spacing(np.abs(u).max()) * np.abs(scan[1]).max(axis=0)
+    extent = np.ptp(scan[0], axis=0)
+    common = np.where(linear, np.max(extent * linear), max(float(np.max(extent * ~linear)), _ANGLE))
+    noise = np.where(linear, np.max(rounding * linear), np.max(rounding * ~linear))
+    return np.asarray(_TOLERANCE * common + noise)
+
+
+def _interpolate(curve: Curve, lo: FloatArray, hi: FloatArray, probes: int) -> tuple[FloatArray, FloatArray]:
+    """Interpolate on the pieces [lo, hi]: ascending powers (m, degree + 1, dim), and the largest errors (m, dim)."""
+    w = 0.5 - 0.5 * np.cos(np.pi * (np.arange(probes) + 0.5) / probes)
+    # A point computed as lo + 1.0 * width may miss hi by a rounding and fall outside the domain.
+    at = np.minimum(lo[:, None] + (hi - lo)[:, None] * np.concatenate([_NODES, w]), hi[:, None])
+    exact = curve.derivatives(at, 0)[0]
+    with np.errstate(invalid="ignore", over="ignore"):
+        # In two steps: the entries of the one matrix for both, some 1e6, would bring their rounding with them.
+        series = np.einsum("ij,njd->nid", _nodes_to_series(), exact[:, : _DEGREE + 1])
+        power = np.einsum("ij,njd->nid", _series_to_powers(), series)
+        fitted = np.einsum("pi,nid->npd", w[:, None] ** np.arange(_DEGREE + 1), power)
+        return power, np.abs(fitted - exact[:, _DEGREE + 1 :]).max(axis=1)
+
+
+def _join(done: list[tuple[FloatArray, FloatArray]], end: float) -> Pieces:
+    starts = np.concatenate([item[0] for item in done])
+    power = np.concatenate([item[1] for item in done])
+    order = np.argsort(starts)
+    coefficients = np.zeros((starts.size, power.shape[2] + 1, _DEGREE + 1))
+    coefficients[:, :-1] = power[order].transpose(0, 2, 1)
+    coefficients[:, -1, 0] = 1.0
+    return Pieces(np.append(starts[order], end), coefficients, False)
+
+
+def _nodes_to_series() -> FloatArray:
+    """Matrix from the values at the nodes to the coefficients of the Chebyshev series in 2w - 1."""
+    return np.asarray(np.linalg.inv(chebyshev.chebvander(2.0 * _NODES - 1.0, _DEGREE)), dtype=np.float64)
+
+
+def _series_to_powers() -> FloatArray:
+    """Matrix from the Chebyshev series in 2w - 1 to ascending powers of w.
+
+    T_k(2w - 1) = sum_i (-1)^(k-i) 4^i k/(k+i) binom(k+i, 2i) w^i.
+    """
+    matrix = np.zeros((_DEGREE + 1, _DEGREE + 1))
+    matrix[0, 0] = 1.0
+    for k in range(1, _DEGREE + 1):
+        for i in range(k + 1):
+            matrix[i, k] = (-1) ** (k - i) * 4**i * k * comb(k + i, 2 * i) / (k + i)
+    return matrix

@@ -1,0 +1,78 @@
+"""Values and files that come from outside: checked once, with errors that name quantity, place and what is allowed."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from planner.errors import InputError
+
+_MAX_BYTES = 256 * 1024**2
+_MAX_QUOTATION = 60
+
+
+def read_text(source: Any, error: type[InputError]) -> str:
+    """Read a text file (UTF-8, with or without a byte order mark).
+
+    Raises
+    ------
+    InputError, of the type ``error``
+        If the source is no path, or the file is missing, no ordinary file, too large, or not text.
+    """
+    if not isinstance(source, str | os.PathLike):
+        raise error(f"{source!r} must be the path of a file")
+    path = Path(source)
+    try:
+        # A pipe or a device would be waited for, or never end.
+        if path.exists() and not path.is_file():
+            raise error(f"{path}: is not a file")
+        if path.stat().st_size > _MAX_BYTES:
+            raise error(f"{path}: is larger than {_MAX_BYTES // 1024**2} MiB; the file must be smaller")
+        return path.read_text(encoding="utf-8-sig")
+    except InputError:
+        raise
+    except OSError as problem:
+        raise error(f"{path}: cannot be read ({problem.strerror})") from None
+    except UnicodeDecodeError:
+        raise error(f"{path}: is not text in UTF-8") from None
+    except ValueError as problem:  # a null byte
+        raise error(f"{str(source)!r}: is not a path ({problem})") from None
+
+
+def numbers(values: ArrayLike, what: str, error: type[InputError]) -> NDArray[np.float64]:
+    """Convert to a new float array; no text, truth value or null passes for a number.
+
+    Raises
+    ------
+    InputError, of the type ``error``
+        Naming ``what`` and the offending entry.
+    """
+    try:
+        # As objects first: numpy would turn "1", true and null into numbers without a word.
+        raw = values if isinstance(values, np.ndarray) else np.array(values, dtype=object)
+        if raw.dtype == object:
+            odd = [x for x in raw.flat if isinstance(x, bool | np.bool_) or not isinstance(x, int | float | np.number)]
+            if odd:
+                raise TypeError(f"{shorten(repr(odd[0]))} is not a number")
+        elif raw.dtype.kind not in "iuf":
+            raise TypeError(f"values of type {raw.dtype} are not numbers")
+        return raw.astype(np.float64)
+    except (TypeError, ValueError, OverflowError) as problem:
+        raise error(f"{what} must be an array of numbers, rows of one length each ({problem})") from None
+
+
+def positive_number(value: Any, what: str) -> float:
+    """Check one number > 0; inf passes."""
+    number = numbers(value, what, InputError) if np.ndim(value) == 0 else np.array(np.nan)
+    if not number > 0.0:
+        raise InputError(f"{what} = {shorten(repr(value))} must be a number > 0")
+    return float(number)
+
+
+def shorten(text: str) -> str:
+    """Cut a quotation that would fill the screen."""
+    return text if len(text) <= _MAX_QUOTATION else text[: _MAX_QUOTATION - 3] + "..."

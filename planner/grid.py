@@ -1,0 +1,236 @@
+"""Where the knots of a plan go.
+
+The feed that the limits allow at every point alone, made reachable by a forward and a backward scan, is a good guess of
+the plan.  It gives the time spent along the path, and knots are placed by
+
+    density = 0.2 uniform + 0.5 time + 0.3 turning angle,
+
+with neighbouring spacings within a factor of about 2, no fewer than a dozen in each rest blend, and a knot on every
+break of the path: a double one where q''' jumps, so that the plan's third derivative may jump with it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.errors import InfeasibleError
+from planner.geometry.curve import FloatArray, arc_derivatives
+from planner.limits import Limits, chord_feed_limit
+from planner.sections import _BLEND_LENGTH, Section, axis_weights, evaluate
+
+_UNIFORM, _TIME, _TURNING = 0.2, 0.5, 0.3
+# |d spacing / d sigma| that keeps neighbours within a factor 2
+_GROWTH = 0.6
+_BLEND_KNOTS = 12
+_SCAN_PER_INTERVAL = 2
+_MIN_SCAN = 600
+# How much of acceleration and jerk the scans let the feed use along the path; the rest is left to the curvature.
+_SCAN_ACCELERATION = 0.7
+_SCAN_JERK = 0.35 * 2.12
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """A guess of the plan on a sample of a section.
+
+    ``y`` and ``length`` (weighted arc length) at the samples; ``feed`` the guess and ``ceiling`` the pointwise bound in
+    weighted units per s; ``turning`` the accumulated turning angle, rad; ``acceleration`` and ``jerk`` the tangential
+    ones that the axes allow at the samples; ``speed`` the weighted |dq/du|.
+    """
+
+    y: FloatArray
+    length: FloatArray
+    feed: FloatArray
+    ceiling: FloatArray
+    turning: FloatArray
+    acceleration: FloatArray
+    jerk: FloatArray
+    speed: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Knots of a section.
+
+    Attributes
+    ----------
+    sigma : (n,) array
+        Non-decreasing; equal neighbours are a double knot.
+    u : (n,) array
+        Curve parameters, exact on breaks.
+    left : (k,) int array
+        Knots at which the path is taken from the left: the first of each double one, and the last.
+    """
+
+    sigma: FloatArray
+    u: FloatArray
+    left: NDArray[np.intp]
+
+    @property
+    def intervals(self) -> int:
+        """Number of intervals that are not empty."""
+        return int(np.count_nonzero(np.diff(self.sigma) > 0.0))
+
+
+def scan(section: Section, limits: Limits, intervals: int) -> Scan:
+    """Sample a section and guess its feed."""
+    curve = section.curve
+    weights = axis_weights(limits)
+    breaks = np.array([b.u for b in curve.breaks if section.u_start < b.u < section.u_end])
+    count = max(_MIN_SCAN, _SCAN_PER_INTERVAL * intervals)
+    y = np.linspace(section.y_start, section.y_end, count + 1)
+    # The ends need closer samples, or a start that is short against the path is stepped over.
+    near = (section.y_end - section.y_start) * np.geomspace(1e-9, 0.5 / count, 48)
+    y = np.unique(np.concatenate([y, section.y_start + near, section.y_end - near, section.coordinate(breaks)]))
+    u = section.parameter(y)
+    q = evaluate(curve, u)
+    scaled = q.copy()
+    scaled[1:] *= weights
+    arc = arc_derivatives(scaled)
+    speed = np.sqrt(np.sum(scaled[1] ** 2, axis=-1))
+    length = _accumulate(speed, u)
+    accelerations, jerks = weights * limits.acceleration, weights * limits.jerk
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # fmin passes over the 0/0 of an axis that neither moves nor has a limit
+        ceiling = np.fmin.reduce(weights * limits.velocity / np.abs(arc[1]), axis=1)
+        ceiling = np.fmin(ceiling, np.sqrt(np.fmin.reduce(accelerations / np.abs(arc[2]), axis=1)))
+        ceiling = np.fmin(ceiling, np.cbrt(np.fmin.reduce(jerks / np.abs(arc[3]), axis=1)))
+        tip = curve.tip.derivatives(u, 3)
+        ratio = np.sqrt(np.sum(tip[1] ** 2, axis=-1)) / speed
+        feed = np.fmin(limits.feed, chord_feed_limit(curve.tip.curvature(u), limits))
+        ceiling = np.fmin(ceiling, np.where(ratio > 0.0, feed / ratio, np.inf))
+        acceleration = np.fmin.reduce(accelerations / np.abs(arc[1]), axis=1)
+        acceleration = np.fmin(acceleration, np.where(ratio > 0.0, limits.tangential_acceleration / ratio, np.inf))
+        jerk = np.fmin.reduce(jerks / np.abs(arc[1]), axis=1)
+        jerk = np.fmin(jerk, np.where(ratio > 0.0, limits.tangential_jerk / ratio, np.inf))
+    kappa = np.sqrt(np.sum(arc[2] ** 2, axis=-1))
+    feed = _reachable(section, ceiling, length, acceleration, jerk, 1.0 / ratio)
+    return Scan(y, length, feed, ceiling, _accumulate(kappa, length), acceleration, jerk, speed)
+
+
+def _accumulate(rate: FloatArray, over: FloatArray) -> FloatArray:
+    return np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(over))])
+
+
+def _reachable(
+    section: Section,
+    ceiling: FloatArray,
+    length: FloatArray,
+    acceleration: FloatArray,
+    jerk: FloatArray,
+    per_tip_feed: FloatArray,
+) -> FloatArray:
+    """Largest feed below the ceiling that grows and falls no faster than acceleration and jerk allow.
+
+    Under an acceleration A alone v^2 grows by 2A a unit of length; under a jerk J alone v^1.5 by 2.12 sqrt(J).
+    """
+    feed = ceiling.copy()
+    for index, prescribed in ((0, section.start_feed), (-1, section.end_feed)):
+        at_end = 0.0 if prescribed is None else prescribed * per_tip_feed[index]
+        feed[index] = min(feed[index], at_end) if np.isfinite(at_end) else feed[index]
+    for power, rate in ((2.0, 2.0 * _SCAN_ACCELERATION * acceleration), (1.5, _SCAN_JERK * np.sqrt(jerk))):
+        finite = np.isfinite(rate)
+        if not finite.any():
+            continue
+        growth = _accumulate(np.where(finite, rate, rate[finite].max()), length)
+        raised = feed**power
+        raised = np.minimum.accumulate(raised - growth) + growth
+        back = growth[-1] - growth[::-1]
+        raised = (np.minimum.accumulate(raised[::-1] - back) + back)[::-1]
+        feed = np.maximum(raised, 0.0) ** (1.0 / power)
+    if not np.isfinite(feed).all():
+        raise InfeasibleError(
+            f"{section.curve.name}: nothing limits the feed between u = {section.u_start:.9g} and {section.u_end:.9g}; "
+            "a feed, an axis velocity, acceleration or jerk must be finite"
+        )
+    return feed
+
+
+def with_blends(section: Section, guess: Scan) -> Section:
+    """Give a section the widths of its rest map: v (v/A + A/J) / 2 at each stop, shrunk until both fit."""
+    widths = []
+    for at, rests in ((0, section.start_feed is None), (-1, section.end_feed is None)):
+        if not rests:
+            widths.append(0.0)
+            continue
+        distance = guess.length if at == 0 else guess.length[-1] - guess.length
+        top = float(guess.feed.max())
+        for _ in range(4):
+            jerk = guess.jerk[at]
+            acceleration = min(float(guess.acceleration[at]), float(np.sqrt(top * jerk)))
+            width = 0.5 * top * (top / acceleration + (acceleration / jerk))
+            top = float(guess.feed[distance <= max(width, distance[1 if at == 0 else -2])].max())
+        widths.append(width if section.arc is not None else width / float(guess.speed[at]))
+    room = (section.y_end - section.y_start) / _BLEND_LENGTH
+    if sum(widths) > room:
+        # Where one stop needs little, the other may use what it leaves.
+        share = room / sum(widths)
+        widths = [width * share for width in widths]
+    return replace(section, blend_start=widths[0], blend_end=widths[1])
+
+
+def place_knots(section: Section, guess: Scan, intervals: int) -> Grid:
+    """Distribute about ``intervals`` intervals over a section (with blends) by the density above."""
+    span = section.span
+    blends = np.linspace(0.0, 1.0, 4 * _BLEND_KNOTS + 1)
+    samples = [section.sigma(guess.y), blends * section.blend_start, span - blends * section.blend_end]
+    sigma = np.unique(np.clip(np.concatenate(samples), 0.0, span))
+    y = section.rest_map(sigma)[0]
+    mean = 0.5 * (guess.feed[1:] + guess.feed[:-1])
+    time = np.concatenate([[0.0], np.cumsum(np.diff(guess.length) / mean)])
+    cumulated = _UNIFORM * sigma / span + _TIME * np.interp(y, guess.y, time) / time[-1]
+    if guess.turning[-1] > 0.0:
+        cumulated += _TURNING * np.interp(y, guess.y, guess.turning) / guess.turning[-1]
+    step = np.diff(sigma)
+    density = intervals * np.diff(cumulated) / (step * cumulated[-1])
+    mid = 0.5 * (sigma[1:] + sigma[:-1])
+    density[mid < section.blend_start] = np.maximum(
+        density[mid < section.blend_start], _BLEND_KNOTS / max(section.blend_start, 1e-300)
+    )
+    density[span - mid < section.blend_end] = np.maximum(
+        density[span - mid < section.blend_end], _BLEND_KNOTS / max(section.blend_end, 1e-300)
+    )
+    spacing = 1.0 / density
+    for flip in (slice(None), slice(None, None, -1)):
+        ramp = _GROWTH * (mid[flip] if flip.step is None else span - mid[flip])
+        spacing[flip] = np.minimum.accumulate(spacing[flip] - ramp) + ramp
+    count = np.concatenate([[0.0], np.cumsum(step / spacing)])
+    count *= intervals / count[-1]
+    return _knots(section, sigma, count)
+
+
+def _knots(section: Section, sigma: FloatArray, count: FloatArray) -> Grid:
+    """Knots at whole numbers of intervals between breaks, given the accumulated number of intervals over sigma."""
+    curve = section.curve
+    on = np.array([b.u for b in curve.breaks if section.u_start < b.u < section.u_end])
+    corners = np.concatenate([[0.0], section.sigma(section.coordinate(on)), [section.span]])
+    at = np.interp(corners, sigma, count)
+    pieces = np.maximum(1, np.rint(np.diff(at))).astype(np.intp)
+    parts = []
+    for k, n in enumerate(pieces):
+        inner = np.interp(at[k] + (at[k + 1] - at[k]) * np.arange(1, n) / n, count, sigma)
+        parts.append(np.concatenate([[corners[k]], inner, [corners[k + 1]]]))
+    knots = np.concatenate(parts)
+    ends = np.cumsum(pieces + 1) - 1
+    return make_grid(section, knots, ends, on)
+
+
+def make_grid(section: Section, knots: FloatArray, ends: NDArray[np.intp], breaks: FloatArray) -> Grid:
+    """Attach curve parameters to knots; ``ends`` are the last knots of the stretches between the given breaks."""
+    u = section.parameter(section.rest_map(knots)[0])
+    starts = np.concatenate([[0], ends[:-1] + 1])
+    corners = np.concatenate([[section.u_start], breaks, [section.u_end]])
+    u[starts], u[ends] = corners[:-1], corners[1:]
+    return Grid(knots, u, ends)
+
+
+def split(section: Section, grid: Grid, where: NDArray[np.bool_]) -> Grid:
+    """Halve the intervals at which ``where`` (one flag an interval, empty ones included) is true."""
+    halves = np.flatnonzero(where & (np.diff(grid.sigma) > 0.0))
+    middle = 0.5 * (grid.sigma[halves] + grid.sigma[halves + 1])
+    sigma = np.insert(grid.sigma, halves + 1, middle)
+    ends = grid.left + np.searchsorted(halves, grid.left, side="left")
+    return make_grid(section, sigma, ends, grid.u[grid.left[:-1]])

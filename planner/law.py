@@ -1,0 +1,160 @@
+"""From a solution in sigma to the nodes of a time law, and how far such nodes use the limits.
+
+A solution gives x = sigma_dot^2 as a cubic on every interval.  Its time law has a node at each knot and each midpoint,
+
+    t' = x^(-1/2) integrated by Gauss,   u_dot = u' x^(1/2),   u_ddot = u'' x + u' a,
+
+with one-sided values at double knots.  Between nodes the law is the quintic of ``profile.py``; that quintic, not the
+cubic, is what :func:`utilisation` measures, so what is measured is what will run.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.constraints import Path
+from planner.geometry.curve import Curve, FloatArray
+from planner.limits import Limits, chord_feed_limit
+from planner.profile import quintic_coefficients
+
+_GAUSS_POINTS = 16
+_POINTS_PER_INTERVAL = 10  # an interval of a solver has two nodes' intervals, hence 20 points
+_CHUNK = 20_000
+
+
+@dataclass(frozen=True, eq=False)
+class TimeNodes:
+    """Nodes of a time law: four (n,) arrays as in ``FeedrateProfile``; t starts at 0."""
+
+    t: FloatArray
+    u: FloatArray
+    u_rate: FloatArray
+    u_acceleration: FloatArray
+
+    def dilated(self, factor: float) -> TimeNodes:
+        """The same law run ``factor`` times slower."""
+        return TimeNodes(self.t * factor, self.u, self.u_rate / factor, self.u_acceleration / factor**2)
+
+
+@dataclass(frozen=True, eq=False)
+class SpeedLaw:
+    """x = sigma_dot^2 as a piecewise cubic.
+
+    ``sigma``, ``x``, ``a``, ``c`` at the knots, in the path's own units; equal neighbours in sigma are a double knot.
+    """
+
+    sigma: FloatArray
+    x: FloatArray
+    a: FloatArray
+    c: FloatArray
+
+    def at(self, sigma: FloatArray) -> FloatArray:
+        """Evaluate x at any sigma."""
+        i = np.clip(np.searchsorted(self.sigma, sigma, side="right") - 1, 0, self.sigma.size - 2)
+        h = self.sigma[i + 1] - self.sigma[i]
+        i = np.where(h > 0.0, i, i - 1)
+        h = self.sigma[i + 1] - self.sigma[i]
+        w = sigma - self.sigma[i]
+        slope = (self.c[i + 1] - self.c[i]) / h
+        return self.x[i] + w * (2.0 * self.a[i] + w * (self.c[i] + w * slope / 3.0))
+
+    def nodes(self, path: Path) -> TimeNodes:
+        """Nodes at knots and midpoints; ``path`` holds the same points."""
+        h = np.diff(self.sigma)
+        mid_x = self.x[:-1] + h * self.a[:-1] + h**2 * (5.0 * self.c[:-1] + self.c[1:]) / 24.0
+        mid_a = self.a[:-1] + h * (3.0 * self.c[:-1] + self.c[1:]) / 8.0
+        x, a = np.empty(path.u.shape[1]), np.empty(path.u.shape[1])
+        x[0::2], x[1::2], a[0::2], a[1::2] = self.x, mid_x, self.a, mid_a
+        dt = np.empty(2 * h.size)
+        nodes, weights = np.polynomial.legendre.leggauss(_GAUSS_POINTS)
+        for half in (0, 1):
+            w = h[:, None] * (0.25 * (nodes + 1.0) + 0.5 * half)
+            cubic = (self.c[1:] - self.c[:-1]) / np.where(h > 0.0, h, 1.0) / 3.0
+            inner = self.x[:-1, None] + w * (2.0 * self.a[:-1, None] + w * (self.c[:-1, None] + w * cubic[:, None]))
+            dt[half::2] = 0.25 * h * (inner**-0.5 @ weights)
+        t = np.concatenate([[0.0], np.cumsum(dt)])
+        u, u1, u2, _ = path.u
+        keep = np.ones(x.size, dtype=bool)
+        keep[1::2] = h > 0.0  # the midpoint of an empty interval is no node of its own
+        rate, acceleration = u1 * np.sqrt(x), u2 * x + u1 * a
+        return TimeNodes(t[keep], u[keep], rate[keep], acceleration[keep])
+
+
+@dataclass(frozen=True, eq=False)
+class Utilisation:
+    """Largest share of the limits used in each interval between nodes.
+
+    ``speed`` (feed, chord, axis velocities), ``acceleration``, ``jerk``: (n - 1,) arrays, 0 for empty intervals.
+    """
+
+    speed: FloatArray
+    acceleration: FloatArray
+    jerk: FloatArray
+
+    @property
+    def slowdown(self) -> FloatArray:
+        """By how much each interval must slow down to keep its limits: max(V, A^(1/2), J^(1/3))."""
+        return np.maximum(self.speed, np.maximum(np.sqrt(self.acceleration), np.cbrt(self.jerk)))
+
+
+def utilisation(curve: Curve, limits: Limits, nodes: TimeNodes) -> Utilisation:
+    """Measure a time law densely between its nodes, in chunks."""
+    count = nodes.t.size - 1
+    out = np.zeros((3, count))
+    full = np.flatnonzero(np.diff(nodes.t) > 0.0)
+    for lo in range(0, full.size, _CHUNK):
+        index = full[lo : lo + _CHUNK]
+        out[:, index] = _chunk(curve, limits, nodes, index)
+    return Utilisation(*out)
+
+
+def _chunk(curve: Curve, limits: Limits, nodes: TimeNodes, index: NDArray[np.intp]) -> FloatArray:
+    h = nodes.t[index + 1] - nodes.t[index]
+    c = quintic_coefficients(
+        h,
+        (nodes.u[index], nodes.u_rate[index], nodes.u_acceleration[index]),
+        (nodes.u[index + 1], nodes.u_rate[index + 1], nodes.u_acceleration[index + 1]),
+    )[:, :, None]
+    w = h[:, None] * np.linspace(0.0, 1.0, _POINTS_PER_INTERVAL + 1)
+    u = c[0] + w * (c[1] + w * (c[2] + w * (c[3] + w * (c[4] + w * c[5]))))
+    u1 = c[1] + w * (2.0 * c[2] + w * (3.0 * c[3] + w * (4.0 * c[4] + w * 5.0 * c[5])))
+    u2 = 2.0 * c[2] + w * (6.0 * c[3] + w * (12.0 * c[4] + w * 20.0 * c[5]))
+    u3 = 6.0 * c[3] + w * (24.0 * c[4] + w * 60.0 * c[5])
+    np.clip(u, nodes.u[index, None], nodes.u[index + 1, None], out=u)
+    u[:, 0], u[:, -1] = nodes.u[index], nodes.u[index + 1]
+    q = _one_sided(curve, u)
+    tip = q if curve.tip is curve else _one_sided(curve.tip, u)
+    square, cube = (u1 * u1)[..., None], (u1 * u1 * u1)[..., None]
+    rate, bend, twist = u1[..., None], u2[..., None], u3[..., None]
+    velocity = np.abs(q[1] * rate) / limits.velocity
+    acceleration = np.abs(q[2] * square + q[1] * bend) / limits.acceleration
+    jerk = np.abs(q[3] * cube + q[2] * (3.0 * rate * bend) + q[1] * twist) / limits.jerk
+    used = [velocity.max(axis=(1, 2)), acceleration.max(axis=(1, 2)), jerk.max(axis=(1, 2))]
+    speed = np.sqrt(np.sum(tip[1] ** 2, axis=-1))
+    feed = speed * np.abs(u1)
+    used[0] = np.maximum(used[0], (feed / limits.feed).max(axis=1))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        s2 = np.where(speed > 0.0, np.sum(tip[1] * tip[2], axis=-1) / speed, 0.0)
+        if np.isfinite(limits.chord_error):
+            normal = tip[2] - (s2 / speed)[..., None] * tip[1]
+            curvature = np.where(speed > 0.0, np.sqrt(np.sum(normal**2, axis=-1)) / speed**2, 0.0)
+            used[0] = np.maximum(used[0], np.nan_to_num(feed / chord_feed_limit(curvature, limits)).max(axis=1))
+        if np.isfinite(limits.tangential_acceleration):
+            along = np.abs(speed * u2 + s2 * u1**2) / limits.tangential_acceleration
+            used[1] = np.maximum(used[1], along.max(axis=1))
+        if np.isfinite(limits.tangential_jerk):
+            s3 = np.sum(tip[2] ** 2, axis=-1) + np.sum(tip[1] * tip[3], axis=-1) - s2**2
+            s3 = np.where(speed > 0.0, s3 / speed, 0.0)
+            along = np.abs(speed * u3 + 3.0 * s2 * u1 * u2 + s3 * u1**3) / limits.tangential_jerk
+            used[2] = np.maximum(used[2], along.max(axis=1))
+    return np.stack(used)
+
+
+def _one_sided(curve: Curve, u: FloatArray) -> FloatArray:
+    """Derivatives at u (n, k), the last point of each row from the left."""
+    q = curve.derivatives(u, 3)
+    q[:, :, -1] = curve.derivatives(u[:, -1], 3, side="left")
+    return q

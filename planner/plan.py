@@ -1,0 +1,326 @@
+"""Plan a feedrate: validate, cut at the stops, solve each section, refine, and hand over a profile.
+
+A section is solved on a coarse grid, then on a grid of the wanted size that starts from the coarse solution.  The law is
+then measured between its nodes.  Where it uses more than its limits, the intervals are halved and the limits tightened by
+what was found, and the section is solved again; last, the whole section is slowed down by the little that is left
+(time scaled by kappa divides velocities by kappa, accelerations by kappa^2, jerks by kappa^3).  What leaves here keeps
+every limit everywhere, not only at the points at which a solver looked.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from planner.constraints import Constraints, Path, build
+from planner.errors import InfeasibleError, InputError
+from planner.geometry.curve import Curve, FloatArray
+from planner.grid import Grid, Scan, place_knots, scan, split, with_blends
+from planner.law import SpeedLaw, TimeNodes, utilisation
+from planner.limits import Limits, feedrate_limits
+from planner.profile import FeedrateProfile, make_profile
+from planner.sections import Section, cut
+
+Method = Literal["optimal", "nlp", "toppra", "scurve"]
+Progress = Callable[[str, float | None], None]
+
+DEFAULT_INTERVALS = 1000
+_COARSER = 4
+_MIN_INTERVALS = 24
+_MAX_INTERVALS = 20_000_000
+# A plan that needs more slowing down than this at the end is refined first.
+_ACCEPTED_SLOWDOWN = 1.0003
+_MAX_ROUNDS = 4
+# Slowing down is measured at points; the peaks between them are higher by less than this.
+_PEAK_MARGIN = 2e-8
+
+
+@dataclass(frozen=True, eq=False)
+class SectionPlan:
+    """A solved section: its time law and what the solver says of it."""
+
+    nodes: TimeNodes
+    lower_bound: float
+    stats: dict[str, Any]
+
+
+def plan_feedrate(
+    curve: Curve,
+    limits: Limits,
+    *,
+    method: Method = "optimal",
+    start_feed: float = 0.0,
+    end_feed: float = 0.0,
+    periodic: bool = False,
+    budget: float = np.inf,
+    intervals: int | None = None,
+    exact_stop: bool = False,
+    progress: Progress | None = None,
+) -> FeedrateProfile:
+    """Find the feedrate profile that finishes the curve soonest within the limits.
+
+    Parameters
+    ----------
+    curve : Curve
+    limits : Limits
+        One value for each axis of the curve.
+    method : {"optimal", "nlp", "toppra", "scurve"}
+        ``optimal``: the jerk-limited optimum by our interior-point method.  ``nlp``: the same problem by CasADi and
+        IPOPT, the reference.  ``toppra``: without a jerk limit, a lower bound.  ``scurve``: jerk-limited S-curves
+        between the feed minima, what industry does today.
+    start_feed, end_feed : float
+        Tip feed at the ends, mm/s; 0 is rest.
+    periodic : bool
+        The closed curve is run continuously: same feed and acceleration at both ends, free value.
+    budget : float
+        Computing time after which the best plan so far is returned, s (method ``optimal``).
+    intervals : int, optional
+        Number of intervals of the grid; refined as needed if left out.
+    exact_stop : bool
+        Stop at curvature discontinuities instead of passing them slowly.
+    progress : callable, optional
+        Called with a message and the share done (or None).
+
+    Returns
+    -------
+    FeedrateProfile
+
+    Raises
+    ------
+    InputError
+        If an argument is not allowed.
+    InfeasibleError
+        If the limits and the prescribed feeds contradict each other.
+    SolverError
+        If no plan was found.
+    """
+    began = time.perf_counter()
+    _validate(curve, limits, method, start_feed, end_feed, periodic, budget, intervals)
+    sections = cut(curve, limits, start_feed, end_feed, exact_stop=exact_stop, periodic=periodic)
+    plans = []
+    total = sum(section.u_end - section.u_start for section in sections)
+    for i, section in enumerate(sections):
+        if progress is not None:
+            progress(f"section {i + 1} of {len(sections)}", (section.u_start - sections[0].u_start) / total)
+        plans.append(_plan_section(section, limits, method, periodic, began + budget, intervals, progress))
+    nodes = _chain([plan.nodes for plan in plans])
+    stats = _collect(sections, plans, limits, exact_stop)
+    stats["planning_s"] = time.perf_counter() - began
+    return make_profile(
+        curve,
+        limits,
+        (nodes.t, nodes.u, nodes.u_rate, nodes.u_acceleration),
+        method=method,
+        lower_bound=sum(plan.lower_bound for plan in plans),
+        stats=stats,
+    )
+
+
+def _validate(
+    curve: Curve,
+    limits: Limits,
+    method: str,
+    start_feed: float,
+    end_feed: float,
+    periodic: bool,
+    budget: float,
+    intervals: int | None,
+) -> None:
+    limits.require_matches(curve)
+    if method not in get_args(Method):
+        raise InputError(f"method = {method!r} must be one of {', '.join(get_args(Method))}")
+    if not budget > 0.0:
+        raise InputError(f"budget = {budget!r} s must be > 0")
+    if intervals is not None and not _MIN_INTERVALS <= intervals <= _MAX_INTERVALS:
+        raise InputError(f"intervals = {intervals!r} must lie within [{_MIN_INTERVALS}, {_MAX_INTERVALS}]")
+    if periodic:
+        _require_closed(curve, start_feed, end_feed)
+    for name, feed, u in (("start_feed", start_feed, curve.domain[0]), ("end_feed", end_feed, curve.domain[1])):
+        if not (np.isfinite(feed) and feed >= 0.0):
+            raise InputError(f"{name} = {feed!r} mm/s must be >= 0 and finite")
+        if feed > 0.0:
+            allowed = float(feedrate_limits(curve, limits, u).lowest)
+            if feed > allowed:
+                raise InfeasibleError(
+                    f"{name} = {feed!r} mm/s is above the feed limit there, {allowed:.6g} mm/s (u = {u:.9g})"
+                )
+
+
+def _require_closed(curve: Curve, start_feed: float, end_feed: float) -> None:
+    if start_feed or end_feed:
+        raise InputError("periodic = True leaves the feed at the ends free; start_feed and end_feed must be 0")
+    ends = [curve.derivatives(np.array([u]), 3)[:, 0] for u in curve.domain]
+    gap = float(np.abs(ends[1][0] - ends[0][0]).max())
+    size = float(np.abs(curve.derivatives(np.linspace(*curve.domain, 64), 0)[0] - ends[0][0]).max())
+    if gap > 1e-9 * size:
+        raise InputError(f"periodic = True needs a closed curve; the ends of {curve.name} are {gap:.3g} apart")
+    directions = [end[1] / np.sqrt(np.sum(end[1] ** 2)) for end in ends]
+    turn = float(np.abs(directions[1] - directions[0]).max())
+    if turn > 1e-8:
+        raise InputError(f"periodic = True needs a smooth seam; the tangent of {curve.name} turns by {turn:.3g} there")
+
+
+def _plan_section(
+    section: Section,
+    limits: Limits,
+    method: str,
+    periodic: bool,
+    deadline: float,
+    intervals: int | None,
+    progress: Progress | None,
+) -> SectionPlan:
+    if method == "scurve":
+        from planner.solvers.scurve import plan_section
+
+        feeds = (section.start_feed or 0.0, section.end_feed or 0.0)
+        nodes = TimeNodes(*plan_section(section.curve, limits, section.u_start, section.u_end, *feeds))
+        return SectionPlan(nodes, np.nan, {"status": "feasible", "intervals": nodes.t.size - 1})
+    if method == "toppra":
+        from planner.solvers.topp import plan_section as plan_without_jerk
+
+        return SectionPlan(*plan_without_jerk(section, limits, intervals or DEFAULT_INTERVALS))
+    return _solve_and_refine(section, limits, method, periodic, deadline, intervals, progress)
+
+
+def _solve_and_refine(
+    section: Section,
+    limits: Limits,
+    method: str,
+    periodic: bool,
+    deadline: float,
+    intervals: int | None,
+    progress: Progress | None,
+) -> SectionPlan:
+    wanted = intervals or DEFAULT_INTERVALS
+    guess = scan(section, limits, wanted)
+    section = with_blends(section, guess)
+    law: SpeedLaw | None = None
+    if method == "optimal":
+        coarse = place_knots(section, guess, max(_MIN_INTERVALS, wanted // _COARSER))
+        law, *_ = _solve(section, limits, coarse, guess, None, method, periodic, deadline, 1e-2)
+    grid = place_knots(section, guess, wanted)
+    tighter = np.ones((3, 2 * grid.sigma.size - 1))
+    best: SectionPlan | None = None
+    for round_ in range(_MAX_ROUNDS):
+        law, path, solution, unit = _solve(
+            section, limits, grid, guess, law, method, periodic, deadline, None, tighter, progress
+        )
+        nodes = law.nodes(path)
+        used = utilisation(section.curve, limits, nodes)
+        slowdown = float(used.slowdown.max())
+        stats = {
+            "status": solution.status,
+            "iterations": solution.iterations,
+            "gap": solution.gap,
+            "residual": solution.residual,
+            "global": solution.is_global,
+            "intervals": grid.intervals,
+            "rounds": round_ + 1,
+            "slowdown": slowdown,
+        }
+        kappa = max(1.0, slowdown * (1.0 + _PEAK_MARGIN))
+        candidate = SectionPlan(nodes.dilated(kappa), solution.lower_bound * unit, stats)
+        if best is None or candidate.nodes.t[-1] < best.nodes.t[-1]:
+            best = candidate
+        if slowdown <= _ACCEPTED_SLOWDOWN or intervals is not None or time.perf_counter() > deadline:
+            break
+        grid = split(section, grid, _by_interval(used.slowdown, grid) > _ACCEPTED_SLOWDOWN)
+        tighter = np.ones((3, 2 * grid.sigma.size - 1))
+    assert best is not None
+    return best
+
+
+def _by_interval(values: FloatArray, grid: Grid) -> FloatArray:
+    """Largest value of the two halves of each solver interval; 0 for empty ones."""
+    full = np.diff(grid.sigma) > 0.0
+    out = np.zeros(full.size)
+    # nodes: knot, midpoint, knot, ...; an empty interval has one entry, a full one two
+    first = np.cumsum(np.where(full, 2, 1)) - np.where(full, 2, 1)
+    out[full] = np.maximum(values[first[full]], values[first[full] + 1])
+    return out
+
+
+def _solve(
+    section: Section,
+    limits: Limits,
+    grid: Grid,
+    guess: Scan,
+    law: SpeedLaw | None,
+    method: str,
+    periodic: bool,
+    deadline: float,
+    tolerance: float | None,
+    tighter: FloatArray | None = None,
+    progress: Progress | None = None,
+) -> tuple[SpeedLaw, Path, Any, float]:
+    """Solve on one grid, from a previous law where there is one."""
+    problem, path = build(section, limits, grid, guess, periodic=periodic)
+    per_x = (problem.length_unit / problem.time_unit) ** 2
+    if law is not None:
+        floor = 1e-6 * float(law.x.min())
+        problem = replace(problem, guess=np.maximum(law.at(grid.sigma), floor) / per_x)
+    solution = _run(problem, method, law is not None, tolerance, deadline, progress)
+    scale = problem.length_unit
+    found = SpeedLaw(
+        grid.sigma, solution.x * per_x, solution.a * per_x / scale, solution.c * per_x / scale**2
+    )
+    return found, path, solution, problem.time_unit
+
+
+def _run(
+    problem: Constraints, method: str, warm: bool, tolerance: float | None, deadline: float, progress: Progress | None
+) -> Any:
+    if method == "nlp":
+        from planner.solvers import nlp
+
+        return nlp.solve(problem)
+    from planner.solvers import optimal
+
+    start = optimal.start_from(problem, problem.guess)
+    return optimal.solve(
+        problem,
+        start,
+        centring=0.1 if warm else 1.0,
+        tolerance=tolerance or optimal.GAP_TOLERANCE,
+        deadline=deadline,
+        progress=progress,
+    )
+
+
+def _chain(parts: list[TimeNodes]) -> TimeNodes:
+    """Join the sections; at a stop the last node of one and the first of the next form a double node."""
+    offsets = np.concatenate([[0.0], np.cumsum([part.t[-1] for part in parts])])
+    return TimeNodes(
+        np.concatenate([part.t + offset for part, offset in zip(parts, offsets[:-1], strict=True)]),
+        np.concatenate([part.u for part in parts]),
+        np.concatenate([part.u_rate for part in parts]),
+        np.concatenate([part.u_acceleration for part in parts]),
+    )
+
+
+def _collect(
+    sections: list[Section], plans: list[SectionPlan], limits: Limits, exact_stop: bool
+) -> dict[str, Any]:
+    """What the solver did, over all sections, and what a reader of the verdict should know of the path."""
+    notes = [f"exact stop at u = {section.u_start:.6g}" for section in sections[1:]]
+    for section in sections:
+        notes += [
+            f"curvature jumps by {b.curvature_jump:.4g} 1/mm at u = {b.u:.6g}: passed slowly, so that the samples at "
+            f"{1e3 * limits.period:g} ms keep the jerk limit; exact_stop=True would stop there"
+            for b in section.jumps
+        ]
+    every = [plan.stats for plan in plans]
+    status = next((s["status"] for s in every if s["status"] not in {"optimal", "feasible"}), every[0]["status"])
+    stats: dict[str, Any] = {"status": status, "period": limits.period, "notes": notes, "sections": len(sections)}
+    for key in ("iterations", "intervals"):
+        stats[key] = sum(s.get(key, 0) for s in every)
+    for key in ("gap", "residual", "rounds", "slowdown"):
+        found = [s[key] for s in every if key in s]
+        if found:
+            stats[key] = max(found)
+    stats["global"] = all(s.get("global", False) for s in every)
+    return stats

@@ -1,0 +1,227 @@
+"""Cut a path at its exact stops and give each section the coordinate in which it is planned.
+
+A *section* runs from stop to stop (or from an end of the path that has a feed).  Its coordinate sigma is composed of
+
+    u  <-  y        the curve parameter itself where the curve is C2 in it, else the arc length of the machine axes
+    y  <-  sigma    the rest map
+
+**Arc length of the machine axes** is weighted, dy^2 = sum_j (w_j dq_j)^2 with w_j = A_ref / A_j, so that millimetres
+and radians count as the drives feel them; on a machine with equal axes it is plain arc length.  It never rests while
+an axis moves, also where the tool tip does.
+
+**The rest map** removes the singularity of a start from rest, where sigma_dot^2 ~ y^(4/3).  Over a width w at each
+end, with r = sigma / w,
+
+    dy/dsigma = p(r) = 1 - (1-r)^4 (1 + 4r + 6r^2) = 4r^2 + 4r^3 - 21r^4 + 20r^5 - 6r^6,
+
+which joins the slope 1 of the middle with three continuous derivatives.  In sigma the speed stays finite and positive
+down to the stop; velocity and acceleration of every axis vanish there by themselves, and the jerk stays finite.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.geometry.arclength import ArcLength
+from planner.geometry.curve import Break, Curve, FloatArray, Side
+from planner.limits import Limits
+
+# Ascending powers of r of the rest map's slope p and of its integral; a blend of width w covers _BLEND_LENGTH w of y.
+_SLOPE = np.array([0.0, 0.0, 4.0, 4.0, -21.0, 20.0, -6.0])
+_LENGTH = np.array([0.0, 0.0, 0.0, 4.0 / 3.0, 1.0, -21.0 / 5.0, 10.0 / 3.0, -6.0 / 7.0])
+_BLEND_LENGTH = float(_LENGTH.sum())
+# p, p', p'' and the integral, highest power first
+_MAPS = [
+    _LENGTH[::-1],
+    _SLOPE[::-1],
+    np.polyder(_SLOPE[::-1]),
+    np.polyder(_SLOPE[::-1], 2),
+]
+_NEWTON_PASSES = 80
+
+
+@dataclass(frozen=True, eq=False)
+class Section:
+    """A stretch of the path without an exact stop inside.
+
+    Attributes
+    ----------
+    curve : Curve
+    u_start, u_end : float
+        Curve parameters of the ends.
+    start_feed, end_feed : float or None
+        Tip feed prescribed there, mm/s; None for an exact stop.
+    arc : ArcLength or None
+        Weighted arc length where that is the coordinate y; None where y is the curve parameter.
+    blend_start, blend_end : float
+        Widths of the rest map in y; 0 at an end that has a feed.
+    jumps : tuple of Break
+        Curvature jumps inside, to be passed at a feed that keeps the samples' jerk within its limit.
+    """
+
+    curve: Curve
+    u_start: float
+    u_end: float
+    start_feed: float | None
+    end_feed: float | None
+    arc: ArcLength | None
+    blend_start: float = 0.0
+    blend_end: float = 0.0
+    jumps: tuple[Break, ...] = ()
+
+    @property
+    def y_start(self) -> float:
+        """Coordinate y at the start."""
+        return self.u_start if self.arc is None else float(self.arc.s(self.u_start))
+
+    @property
+    def y_end(self) -> float:
+        """Coordinate y at the end."""
+        return self.u_end if self.arc is None else float(self.arc.s(self.u_end))
+
+    @property
+    def span(self) -> float:
+        """Range [0, span] of sigma."""
+        saved = (1.0 - _BLEND_LENGTH) * (self.blend_start + self.blend_end)
+        return self.y_end - self.y_start + saved
+
+    def rest_map(self, sigma: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Evaluate y(sigma) and its first three derivatives."""
+        w0, w1, span = self.blend_start, self.blend_end, self.span
+        y = self.y_start - (1.0 - _BLEND_LENGTH) * w0 + sigma
+        first, second, third = np.ones_like(y), np.zeros_like(y), np.zeros_like(y)
+        for width, distance, end, sign in (
+            (w0, sigma, self.y_start, 1.0),
+            (w1, span - sigma, self.y_end, -1.0),
+        ):
+            if width <= 0.0:
+                continue
+            inside = np.flatnonzero(distance < width)
+            r = np.maximum(distance[inside], 0.0) / width
+            y[inside] = end + sign * width * np.polyval(_MAPS[0], r)
+            first[inside] = np.polyval(_MAPS[1], r)
+            second[inside] = sign * np.polyval(_MAPS[2], r) / width
+            third[inside] = np.polyval(_MAPS[3], r) / width**2
+        return y, first, second, third
+
+    def sigma(self, y: FloatArray) -> FloatArray:
+        """Invert the rest map (Newton in the blends, bracketed)."""
+        w0, w1 = self.blend_start, self.blend_end
+        sigma = y - self.y_start + (1.0 - _BLEND_LENGTH) * w0
+        for width, covered, side in ((w0, y - self.y_start, 0), (w1, self.y_end - y, 1)):
+            if width <= 0.0:
+                continue
+            inside = np.flatnonzero(covered < _BLEND_LENGTH * width)
+            if inside.size:
+                distance = width * _invert_blend(np.maximum(covered[inside], 0.0) / width)
+                sigma[inside] = distance if side == 0 else self.span - distance
+        return np.clip(sigma, 0.0, self.span)
+
+    def parameter(self, y: FloatArray) -> FloatArray:
+        """Curve parameter at coordinates y."""
+        if self.arc is None:
+            return np.clip(y, self.u_start, self.u_end)
+        return np.clip(self.arc.u(np.clip(y, 0.0, self.arc.total)), self.u_start, self.u_end)
+
+    def coordinate(self, u: FloatArray) -> FloatArray:
+        """Coordinate y at curve parameters u."""
+        return u.copy() if self.arc is None else self.arc.s(u)
+
+    def parameter_derivatives(
+        self, q: FloatArray, weights: FloatArray, rest: tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """First three derivatives of u with respect to sigma, from q' and q'' (with respect to u) and the rest map."""
+        _, y1, y2, y3 = rest
+        if self.arc is None:
+            return y1, y2, y3
+        weighted = q[1:] * weights
+        v = np.sqrt(np.sum(weighted[0] ** 2, axis=-1))
+        v1 = np.sum(weighted[0] * weighted[1], axis=-1) / v
+        v2 = (np.sum(weighted[1] ** 2, axis=-1) + np.sum(weighted[0] * weighted[2], axis=-1) - v1**2) / v
+        # u as a function of y, then y as one of sigma
+        u1, u2, u3 = 1.0 / v, -v1 / v**3, (3.0 * v1**2 - v * v2) / v**5
+        return u1 * y1, u2 * y1**2 + u1 * y2, u3 * y1**3 + 3.0 * u2 * y1 * y2 + u1 * y3
+
+
+def _invert_blend(fraction: FloatArray) -> FloatArray:
+    """Solve _LENGTH(r) = fraction for r in [0, 1]."""
+    lo, hi = np.zeros_like(fraction), np.ones_like(fraction)
+    r = np.minimum(np.cbrt(0.75 * fraction), 1.0)
+    for _ in range(_NEWTON_PASSES):
+        error = np.polyval(_MAPS[0], r) - fraction
+        lo, hi = np.where(error <= 0.0, r, lo), np.where(error > 0.0, r, hi)
+        slope = np.polyval(_MAPS[1], r)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            trial = r - error / slope
+        good = (trial > lo) & (trial < hi)
+        following = np.where(good, trial, 0.5 * (lo + hi))
+        if np.abs(following - r).max() <= 1e-15:
+            break
+        r = following
+    return r
+
+
+def axis_weights(limits: Limits) -> FloatArray:
+    """Weights that make the axes comparable: by acceleration, else by jerk, else by velocity; 1 where nothing limits."""
+    for row in (limits.acceleration, limits.jerk, limits.velocity):
+        finite = np.isfinite(row)
+        if finite.all():
+            return np.asarray(row.max() / row)
+    return np.ones(limits.dim)
+
+
+def cut(
+    curve: Curve, limits: Limits, start_feed: float, end_feed: float, *, exact_stop: bool, periodic: bool = False
+) -> list[Section]:
+    """Cut a path at its corners (and, with ``exact_stop``, at its curvature jumps).
+
+    Returns
+    -------
+    list of Section
+        In the order of the path, not yet with rest blends (see :func:`with_blends`).
+    """
+    stops = [b for b in curve.breaks if b.geometric == 0 or (exact_stop and b.geometric == 1)]
+    at_rest = [curve.domain[0], *(b.u for b in stops), curve.domain[1]]
+    weights = axis_weights(limits)
+    arc: ArcLength | None = None
+    sections = []
+    for i, (u0, u1) in enumerate(zip(at_rest[:-1], at_rest[1:], strict=True)):
+        inside = [b for b in curve.breaks if u0 < b.u < u1]
+        smooth = all(b.parametric >= 2 for b in inside)
+        if not smooth and arc is None:
+            arc = weighted_arclength(curve, weights)
+        entry = start_feed if i == 0 else 0.0
+        leave = end_feed if i == len(stops) else 0.0
+        sections.append(
+            Section(
+                curve,
+                u0,
+                u1,
+                entry if entry > 0.0 or periodic else None,
+                leave if leave > 0.0 or periodic else None,
+                None if smooth else arc,
+                jumps=tuple(b for b in inside if b.geometric == 1),
+            )
+        )
+    return sections
+
+
+def weighted_arclength(curve: Curve, weights: FloatArray) -> ArcLength:
+    """Arc length of the machine axes under the weights of :func:`axis_weights`."""
+
+    def speed(u: FloatArray) -> FloatArray:
+        return np.sqrt(np.sum((curve.derivatives(u, 1)[1] * weights) ** 2, axis=-1))
+
+    return ArcLength.of_speed(speed, curve, curve.name)
+
+
+def evaluate(curve: Curve, u: FloatArray, left: NDArray[np.intp] | None = None) -> FloatArray:
+    """Derivatives 0..3 of the machine axes, from the left at the indices ``left``."""
+    q = curve.derivatives(u, 3)
+    if left is not None and left.size:
+        side: Side = "left"
+        q[:, left] = curve.derivatives(u[left], 3, side=side)
+    return q

@@ -1,0 +1,1 @@
+"""Solvers of the feedrate problem, one file each."""

@@ -1,0 +1,387 @@
+"""Compiled loops of the interior-point method in ``optimal.py``, which explains them.
+
+Layout: points run along the last axis of every array, so the loops over points are vectorised by the compiler.
+
+    rows   (m, 3, p)   r of each two-sided row |r . (x, a, c)| <= b
+    jerk   (m,)        True where b = x^(-1/2), False where b = 1
+    slack, dual, product (m, 2, p)   of the upper and the lower side
+    z, step (3, p)     x, a, c at every point
+    hessian (6, p)     xx, xa, xc, aa, ac, cc
+    gradient (3, p)
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, types
+
+F64, I64, FLAG, NOTHING = types.float64, types.int64, types.boolean, types.void
+READ1, READ2, READ3 = (types.Array(F64, n, "C", readonly=True) for n in (1, 2, 3))
+WRITE1, WRITE2, WRITE3 = (types.Array(F64, n, "C") for n in (1, 2, 3))
+FLAGS = types.Array(FLAG, 1, "C", readonly=True)
+
+# Sums may be reordered and nothing is nan (the driver looks at the sums that come out), but inf keeps its meaning.
+_FAST = {"reassoc", "nsz", "contract", "arcp", "nnan"}
+_BLOCK = 512  # points a block: its scratch stays in the first-level cache
+
+# The loops over the points of a block read and write one-dimensional slices and carry no maximum in a scalar: in this
+# form LLVM turns them into vector code, which is worth a factor 2 to 3.
+
+
+@njit(
+    NOTHING(READ3, FLAGS, READ2, READ3, READ3, READ3, READ1, F64, F64, FLAG, FLAG, WRITE2, WRITE2),
+    cache=True,
+    fastmath=_FAST,
+    error_model="numpy",
+)
+def condense(rows, jerk, z, slack, dual, product, weight, target, corrector, clip, factorise, hessian, gradient):
+    """Eliminate slacks and multipliers: gradient (and Hessian, with ``factorise``) of the barrier problem at every point.
+
+    ``target`` is the complementarity aimed at, less ``corrector`` times the ``product`` of the affine steps; ``clip``
+    drops negative curvature of the objective.
+    """
+    points = z.shape[1]
+    root, slope, curvature = np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK)
+    pull, push, stiff, twist = np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK)
+    for lo in range(0, points, _BLOCK):
+        n = min(_BLOCK, points - lo)
+        x, a, c, w = z[0, lo : lo + n], z[1, lo : lo + n], z[2, lo : lo + n], weight[lo : lo + n]
+        gx, ga, gc = gradient[0, lo : lo + n], gradient[1, lo : lo + n], gradient[2, lo : lo + n]
+        hxx, hxa, hxc = hessian[0, lo : lo + n], hessian[1, lo : lo + n], hessian[2, lo : lo + n]
+        haa, hac, hcc = hessian[3, lo : lo + n], hessian[4, lo : lo + n], hessian[5, lo : lo + n]
+        for i in range(n):
+            root[i] = 1.0 / np.sqrt(x[i])
+            slope[i] = -0.5 * root[i] / x[i]
+            curvature[i] = w[i]
+        for i in range(n):
+            gx[i] = w[i] * slope[i]
+        ga[:] = 0.0
+        gc[:] = 0.0
+        if factorise:
+            hessian[:, lo : lo + n] = 0.0
+        for r in range(rows.shape[0]):
+            is_jerk = 1.0 if jerk[r] else 0.0
+            rx, ra, rc = rows[r, 0, lo : lo + n], rows[r, 1, lo : lo + n], rows[r, 2, lo : lo + n]
+            up, down = slack[r, 0, lo : lo + n], slack[r, 1, lo : lo + n]
+            dual_up, dual_down = dual[r, 0, lo : lo + n], dual[r, 1, lo : lo + n]
+            both_up, both_down = product[r, 0, lo : lo + n], product[r, 1, lo : lo + n]
+            for i in range(n):
+                bound = is_jerk * root[i] + (1.0 - is_jerk)
+                y = rx[i] * x[i] + ra[i] * a[i] + rc[i] * c[i]
+                v1, v2 = 1.0 / up[i], 1.0 / down[i]
+                w1, w2 = dual_up[i] * v1, dual_down[i] * v2
+                e1 = (target - corrector * both_up[i]) * v1 + w1 * (up[i] + y - bound)
+                e2 = (target - corrector * both_down[i]) * v2 + w2 * (down[i] - y - bound)
+                pull[i] = e1 - e2
+                push[i] = is_jerk * (e1 + e2) * slope[i]
+                stiff[i] = w1 + w2
+                twist[i] = is_jerk * (w1 - w2) * slope[i]
+            for i in range(n):
+                gx[i] += pull[i] * rx[i] - push[i]
+                ga[i] += pull[i] * ra[i]
+                gc[i] += pull[i] * rc[i]
+            if factorise:
+                for i in range(n):
+                    curvature[i] -= is_jerk * (dual_up[i] + dual_down[i])
+                for i in range(n):
+                    hxx[i] += stiff[i] * (rx[i] * rx[i] + is_jerk * slope[i] * slope[i]) - 2.0 * twist[i] * rx[i]
+                    hxa[i] += stiff[i] * rx[i] * ra[i] - twist[i] * ra[i]
+                    hxc[i] += stiff[i] * rx[i] * rc[i] - twist[i] * rc[i]
+                for i in range(n):
+                    haa[i] += stiff[i] * ra[i] * ra[i]
+                    hac[i] += stiff[i] * ra[i] * rc[i]
+                    hcc[i] += stiff[i] * rc[i] * rc[i]
+        if factorise:
+            for i in range(n):
+                kept = max(curvature[i], 0.0) if clip else curvature[i]
+                hxx[i] += kept * 0.75 * root[i] / (x[i] * x[i])
+
+
+@njit(
+    NOTHING(READ3, FLAGS, READ2, READ3, READ3, WRITE3, READ2, F64, F64, FLAG, WRITE1),
+    cache=True,
+    fastmath=_FAST,
+    error_model="numpy",
+)
+def measure(rows, jerk, z, slack, dual, product, step, target, corrector, keep, out):
+    """Write what a step needs to know of itself into ``out``; with ``keep`` also the products ds * dl.
+
+    0, 1: largest relative decrease of a slack and of a multiplier; 2..4: sums of ds*l, s*dl and ds*dl; 5: largest
+    relative decrease of x.
+    """
+    points = z.shape[1]
+    down_s = down_l = down_x = 0.0
+    sum_dsl = sum_sdl = sum_dsdl = 0.0
+    root, slope, loss = np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK)
+    worst_s, worst_l = np.empty(_BLOCK), np.empty(_BLOCK)
+    prod_up, prod_down = np.empty(_BLOCK), np.empty(_BLOCK)
+    for lo in range(0, points, _BLOCK):
+        n = min(_BLOCK, points - lo)
+        x, a, c = z[0, lo : lo + n], z[1, lo : lo + n], z[2, lo : lo + n]
+        dx, da, dc = step[0, lo : lo + n], step[1, lo : lo + n], step[2, lo : lo + n]
+        for i in range(n):
+            root[i] = 1.0 / np.sqrt(x[i])
+            slope[i] = -0.5 * root[i] / x[i]
+            loss[i] = -dx[i] / x[i]
+        worst_s[:] = 0.0
+        worst_l[:] = 0.0
+        for r in range(rows.shape[0]):
+            is_jerk = 1.0 if jerk[r] else 0.0
+            rx, ra, rc = rows[r, 0, lo : lo + n], rows[r, 1, lo : lo + n], rows[r, 2, lo : lo + n]
+            up, down = slack[r, 0, lo : lo + n], slack[r, 1, lo : lo + n]
+            dual_up, dual_down = dual[r, 0, lo : lo + n], dual[r, 1, lo : lo + n]
+            both_up, both_down = product[r, 0, lo : lo + n], product[r, 1, lo : lo + n]
+            for i in range(n):
+                gap = is_jerk * root[i] + (1.0 - is_jerk)
+                y = rx[i] * x[i] + ra[i] * a[i] + rc[i] * c[i]
+                dy = rx[i] * dx[i] + ra[i] * da[i] + rc[i] * dc[i]
+                db = is_jerk * slope[i] * dx[i]
+                ds1, ds2 = gap - up[i] - y - dy + db, gap - down[i] + y + dy + db
+                v1, v2 = 1.0 / up[i], 1.0 / down[i]
+                dl1 = (target - corrector * both_up[i] - dual_up[i] * ds1) * v1 - dual_up[i]
+                dl2 = (target - corrector * both_down[i] - dual_down[i] * ds2) * v2 - dual_down[i]
+                worst_s[i] = max(worst_s[i], max(-ds1 * v1, -ds2 * v2))
+                worst_l[i] = max(worst_l[i], max(-dl1 / dual_up[i], -dl2 / dual_down[i]))
+                sum_dsl += ds1 * dual_up[i] + ds2 * dual_down[i]
+                sum_sdl += up[i] * dl1 + down[i] * dl2
+                prod_up[i], prod_down[i] = ds1 * dl1, ds2 * dl2
+                sum_dsdl += ds1 * dl1 + ds2 * dl2
+            if keep:
+                for i in range(n):
+                    both_up[i] = prod_up[i]
+                    both_down[i] = prod_down[i]
+        for i in range(n):
+            down_s, down_l, down_x = max(down_s, worst_s[i]), max(down_l, worst_l[i]), max(down_x, loss[i])
+    out[0], out[1], out[5] = down_s, down_l, down_x
+    out[2], out[3], out[4] = sum_dsl, sum_sdl, sum_dsdl
+
+
+@njit(
+    NOTHING(READ3, FLAGS, WRITE2, WRITE3, WRITE3, READ3, READ1, READ2, F64, F64, F64, F64, WRITE1),
+    cache=True,
+    fastmath=_FAST,
+    error_model="numpy",
+)
+def advance(rows, jerk, z, slack, dual, product, weight, step, target, corrector, primal, dual_length, out):
+    """Take the step; write the time, the gap sum(s l) and the largest relative primal residual into ``out``.
+
+    A slack becomes the larger of its linear prediction and its true value: x^(-1/2) is convex, so at zero residual the
+    true one is never below the prediction.
+    """
+    points = z.shape[1]
+    time = gap = worst = 0.0
+    root, slope, new, residual = np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK)
+    for lo in range(0, points, _BLOCK):
+        n = min(_BLOCK, points - lo)
+        x, a, c, w = z[0, lo : lo + n], z[1, lo : lo + n], z[2, lo : lo + n], weight[lo : lo + n]
+        dx, da, dc = step[0, lo : lo + n], step[1, lo : lo + n], step[2, lo : lo + n]
+        for i in range(n):
+            root[i] = 1.0 / np.sqrt(x[i])
+            slope[i] = -0.5 * root[i] / x[i]
+            new[i] = 1.0 / np.sqrt(x[i] + primal * dx[i])
+            time += w[i] * new[i]
+        residual[:] = 0.0
+        for r in range(rows.shape[0]):
+            is_jerk = 1.0 if jerk[r] else 0.0
+            rx, ra, rc = rows[r, 0, lo : lo + n], rows[r, 1, lo : lo + n], rows[r, 2, lo : lo + n]
+            up, down = slack[r, 0, lo : lo + n], slack[r, 1, lo : lo + n]
+            dual_up, dual_down = dual[r, 0, lo : lo + n], dual[r, 1, lo : lo + n]
+            both_up, both_down = product[r, 0, lo : lo + n], product[r, 1, lo : lo + n]
+            for i in range(n):
+                bound = is_jerk * root[i] + (1.0 - is_jerk)
+                y = rx[i] * x[i] + ra[i] * a[i] + rc[i] * c[i]
+                dy = rx[i] * dx[i] + ra[i] * da[i] + rc[i] * dc[i]
+                db = is_jerk * slope[i] * dx[i]
+                ds1, ds2 = bound - up[i] - y - dy + db, bound - down[i] + y + dy + db
+                l1, l2 = dual_up[i], dual_down[i]
+                l1 += dual_length * ((target - corrector * both_up[i] - l1 * ds1) / up[i] - l1)
+                l2 += dual_length * ((target - corrector * both_down[i] - l2 * ds2) / down[i] - l2)
+                y += primal * dy
+                bound = is_jerk * new[i] + (1.0 - is_jerk)
+                s1 = max(up[i] + primal * ds1, bound - y)
+                s2 = max(down[i] + primal * ds2, bound + y)
+                up[i], down[i] = s1, s2
+                dual_up[i], dual_down[i] = l1, l2
+                gap += s1 * l1 + s2 * l2
+                residual[i] = max(residual[i], max(s1 + y - bound, s2 - y - bound) / (1.0 + bound))
+        for i in range(n):
+            worst = max(worst, residual[i])
+        for i in range(n):
+            x[i] += primal * dx[i]
+            a[i] += primal * da[i]
+            c[i] += primal * dc[i]
+    out[0], out[1], out[2] = time, gap, worst
+
+
+@njit(F64(READ1, READ2, WRITE2, WRITE1), cache=True)
+def factor(h, hessian, gains, root):
+    """Backward Riccati recursion on the Hessian: gains (4, n-1) of the control on the state, and the first knot's P.
+
+    Row 3 of ``gains`` is the pivot.  Returns the smallest pivot met (negative: the Hessian is not positive definite on
+    the dynamics, and the gains are not usable).
+    """
+    last = 2 * h.size
+    pxx, pxa, pxc = hessian[0, last], hessian[1, last], hessian[2, last]
+    paa, pac, pcc = hessian[3, last], hessian[4, last], hessian[5, last]
+    smallest = np.inf
+    for k in range(h.size - 1, -1, -1):
+        d = h[k]
+        m, i = 2 * k + 1, 2 * k
+        # next state: x + 2d a + 2/3 d^2 c + 1/3 d^2 v,  a + d/2 c + d/2 v,  v
+        t1, t2, t3, t4 = 2.0 * d, 2.0 / 3.0 * d * d, 0.5 * d, d * d / 3.0
+        # P times the columns of a, c and v
+        ax, aa, ac = t1 * pxx + pxa, t1 * pxa + paa, t1 * pxc + pac
+        cx, ca, cc = t2 * pxx + t3 * pxa, t2 * pxa + t3 * paa, t2 * pxc + t3 * pac
+        vx, va, vc = t4 * pxx + t3 * pxa + pxc, t4 * pxa + t3 * paa + pac, t4 * pxc + t3 * pac + pcc
+        qxx, qxa, qxc, qxv = pxx, ax, cx, vx
+        qaa, qac, qav = t1 * ax + aa, t1 * cx + ca, t1 * vx + va
+        qcc, qcv = t2 * cx + t3 * ca, t2 * vx + t3 * va
+        qvv = t4 * vx + t3 * va + vc
+        # midpoint: x + d a + 5/24 d^2 c + 1/24 d^2 v,  a + 3/8 d c + 1/8 d v,  (c + v) / 2
+        hxx, hxa, hxc = hessian[0, m], hessian[1, m], hessian[2, m]
+        haa, hac, hcc = hessian[3, m], hessian[4, m], hessian[5, m]
+        m1, m2, m3, m4 = 5.0 / 24.0 * d * d, 0.375 * d, d * d / 24.0, 0.125 * d
+        ax, aa, ac = d * hxx + hxa, d * hxa + haa, d * hxc + hac
+        cx, ca, cc = m1 * hxx + m2 * hxa + 0.5 * hxc, m1 * hxa + m2 * haa + 0.5 * hac, m1 * hxc + m2 * hac + 0.5 * hcc
+        vx, va, vc = m3 * hxx + m4 * hxa + 0.5 * hxc, m3 * hxa + m4 * haa + 0.5 * hac, m3 * hxc + m4 * hac + 0.5 * hcc
+        qxx += hxx + hessian[0, i]
+        qxa += ax + hessian[1, i]
+        qxc += cx + hessian[2, i]
+        qxv += vx
+        qaa += d * ax + aa + hessian[3, i]
+        qac += d * cx + ca + hessian[4, i]
+        qav += d * vx + va
+        qcc += m1 * cx + m2 * ca + 0.5 * cc + hessian[5, i]
+        qcv += m1 * vx + m2 * va + 0.5 * vc
+        qvv += m3 * vx + m4 * va + 0.5 * vc
+        smallest = min(smallest, qvv)
+        if not qvv > 0.0:
+            return min(smallest, -1.0)
+        inverse = 1.0 / qvv
+        g1, g2, g3 = qxv * inverse, qav * inverse, qcv * inverse
+        gains[0, k], gains[1, k], gains[2, k], gains[3, k] = g1, g2, g3, qvv
+        pxx, pxa, pxc = qxx - g1 * qxv, qxa - g1 * qav, qxc - g1 * qcv
+        paa, pac, pcc = qaa - g2 * qav, qac - g2 * qcv, qcc - g3 * qcv
+    root[0], root[1], root[2], root[3], root[4], root[5] = pxx, pxa, pxc, paa, pac, pcc
+    return smallest
+
+
+@njit(NOTHING(READ1, READ2, READ1, READ2, READ1, READ1, FLAG, WRITE1, WRITE2), cache=True)
+def solve(h, gains, root, gradient, first, last, fixed_start, feed_forward, step):
+    """Newton step for one gradient, by the gains of :func:`factor`: a backward sweep, then a forward one.
+
+    ``first`` and ``last`` are extra gradients of the first and last state (for end conditions).  With ``fixed_start`` x
+    of the first knot does not move.
+    """
+    n = h.size
+    end = 2 * n
+    px = gradient[0, end] + last[0]
+    pa = gradient[1, end] + last[1]
+    pc = gradient[2, end] + last[2]
+    for k in range(n - 1, -1, -1):
+        d = h[k]
+        m, i = 2 * k + 1, 2 * k
+        mx, ma, mc = gradient[0, m], gradient[1, m], gradient[2, m]
+        lv = d * d / 3.0 * px + 0.5 * d * pa + pc + d * d / 24.0 * mx + 0.125 * d * ma + 0.5 * mc
+        lx = px + mx + gradient[0, i]
+        la = 2.0 * d * px + pa + d * mx + ma + gradient[1, i]
+        lc = 2.0 / 3.0 * d * d * px + 0.5 * d * pa + 5.0 / 24.0 * d * d * mx + 0.375 * d * ma + 0.5 * mc + gradient[2, i]
+        px, pa, pc = lx - gains[0, k] * lv, la - gains[1, k] * lv, lc - gains[2, k] * lv
+        feed_forward[k] = lv / gains[3, k]
+    px, pa, pc = px + first[0], pa + first[1], pc + first[2]
+    x = 0.0
+    a11, a12, a22 = root[3], root[4], root[5]
+    if fixed_start:
+        det = a11 * a22 - a12 * a12
+        a = -(a22 * pa - a12 * pc) / det
+        c = -(a11 * pc - a12 * pa) / det
+    else:
+        # 3 x 3 by elimination of x
+        u, w = root[1] / root[0], root[2] / root[0]
+        b11, b12, b22 = a11 - u * root[1], a12 - u * root[2], a22 - w * root[2]
+        ra, rc = pa - u * px, pc - w * px
+        det = b11 * b22 - b12 * b12
+        a = -(b22 * ra - b12 * rc) / det
+        c = -(b11 * rc - b12 * ra) / det
+        x = -px / root[0] - u * a - w * c
+    for k in range(n):
+        d = h[k]
+        i, m = 2 * k, 2 * k + 1
+        step[0, i], step[1, i], step[2, i] = x, a, c
+        v = -(gains[0, k] * x + gains[1, k] * a + gains[2, k] * c) - feed_forward[k]
+        step[0, m] = x + d * a + d * d * (5.0 * c + v) / 24.0
+        step[1, m] = a + d * (3.0 * c + v) / 8.0
+        step[2, m] = 0.5 * (c + v)
+        x, a, c = x + 2.0 * d * a + d * d * (2.0 * c + v) / 3.0, a + 0.5 * d * (c + v), v
+    step[0, end], step[1, end], step[2, end] = x, a, c
+
+
+@njit(
+    F64(READ3, FLAGS, READ2, READ3, READ3, READ1, READ1, WRITE2, WRITE1, WRITE1),
+    cache=True,
+    error_model="numpy",
+)
+def repair(rows, jerk, z, slack, dual, weight, h, gradient, load, root):
+    """Make the multipliers exactly dual feasible; returns sum(s l) of the repaired ones.
+
+    ``gradient`` receives the Lagrangian's gradient, ``load`` the sum of each point's jerk multipliers, ``root`` what is
+    left of the gradient at the first knot.  See ``optimal.py``, section "The bound".
+    """
+    points = z.shape[1]
+    cost = 0.0
+    for p in range(points):
+        load[p] = 0.0
+        gradient[1, p] = gradient[2, p] = 0.0
+        base = 1.0 / np.sqrt(z[0, p])
+        slope = -0.5 * base / z[0, p]
+        gradient[0, p] = weight[p] * slope
+        for r in range(rows.shape[0]):
+            l1, l2 = dual[r, 0, p], dual[r, 1, p]
+            cost += l1 * slack[r, 0, p] + l2 * slack[r, 1, p]
+            for k in range(3):
+                gradient[k, p] += (l1 - l2) * rows[r, k, p]
+            if jerk[r]:
+                load[p] += l1 + l2
+                gradient[0, p] -= (l1 + l2) * slope
+    end = points - 1
+    px, pa, pc = gradient[0, end], gradient[1, end], gradient[2, end]
+    for k in range(h.size - 1, -1, -1):
+        d = h[k]
+        m, j, i = 2 * k + 1, 2 * k + 2, 2 * k
+        t1, t2 = d * d / 3.0, 0.5 * d
+        m1, m2, m3 = d * d / 24.0, 0.125 * d, 0.5
+        if True:
+            lv = t1 * px + t2 * pa + pc + m1 * gradient[0, m] + m2 * gradient[1, m] + m3 * gradient[2, m]
+            best, row, at, effect = np.inf, -1, -1, 0.0
+            for r in range(rows.shape[0]):
+                if jerk[r]:
+                    e = rows[r, 0, j] * t1 + rows[r, 1, j] * t2 + rows[r, 2, j]
+                    price = max(slack[r, 0, j], slack[r, 1, j]) / abs(e)
+                    if price < best:
+                        best, row, at, effect = price, r, j, e
+                    e = rows[r, 0, m] * m1 + rows[r, 1, m] * m2 + rows[r, 2, m] * m3
+                    price = max(slack[r, 0, m], slack[r, 1, m]) / abs(e)
+                    if price < best:
+                        best, row, at, effect = price, r, m, e
+            if row >= 0:
+                # A multiplier moves its bound's slope too; its sign is chosen so that the multiplier grows.
+                bend = 0.5 / (z[0, at] * np.sqrt(z[0, at])) * (t1 if at == j else m1)
+                grow = -lv / (effect + bend) if -lv / effect > 0.0 else lv / (-effect + bend)
+                sign = 1.0 if -lv / effect > 0.0 else -1.0
+                load[at] += grow
+                cost += grow * slack[row, 0 if sign > 0.0 else 1, at]
+                gx = grow * (sign * rows[row, 0, at] + 0.5 / (z[0, at] * np.sqrt(z[0, at])))
+                ga, gc = grow * sign * rows[row, 1, at], grow * sign * rows[row, 2, at]
+                if at == j:
+                    px, pa, pc = px + gx, pa + ga, pc + gc
+                else:
+                    gradient[0, m] += gx
+                    gradient[1, m] += ga
+                    gradient[2, m] += gc
+        mx, ma, mc = gradient[0, m], gradient[1, m], gradient[2, m]
+        lx = px + mx + gradient[0, i]
+        la = 2.0 * d * px + pa + d * mx + ma + gradient[1, i]
+        lc = 2.0 / 3.0 * d * d * px + t2 * pa + 5.0 / 24.0 * d * d * mx + 0.375 * d * ma + 0.5 * mc + gradient[2, i]
+        px, pa, pc = lx, la, lc
+    root[0], root[1], root[2] = px, pa, pc
+    return cost

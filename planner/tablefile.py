@@ -1,0 +1,252 @@
+"""Files of a header and columns: CSV for people and controllers, NPZ for programs.
+
+A CSV file starts with lines ``# key = value``, then come the names of the columns and the rows.  An NPZ file holds the
+same lines as the text ``header`` and every column as an array.  Floats are written in their shortest exact form, so
+both are read back bit by bit, and the same content gives the same bytes.
+"""
+
+from __future__ import annotations
+
+import io
+import zipfile
+import zlib
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import Any, BinaryIO, TextIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.errors import InputError
+from planner.output import whole_file
+
+Columns = Mapping[str, NDArray[Any]]
+
+_ROWS_AT_ONCE = 5000  # bounds the memory that text takes: a cell is ten times its eight bytes
+_ZIP_DATE = (1980, 1, 1, 0, 0, 0)  # the earliest a zip archive can say; the time of writing would change the bytes
+
+
+def file_format(path: str | Path) -> str:
+    """Return ``.csv`` (also without a suffix) or ``.npz``; raise InputError for another suffix."""
+    suffix = Path(path).suffix.lower() or ".csv"
+    if suffix not in {".csv", ".npz"}:
+        raise InputError(f'{path}: the suffix "{suffix}" must be .csv or .npz')
+    return suffix
+
+
+def write_columns(
+    path: str | Path, header: Mapping[str, str], columns: Columns, words: Mapping[str, Sequence[str]]
+) -> None:
+    """Write a file, or nothing.
+
+    Parameters
+    ----------
+    path : str or Path
+    header : mapping
+        One line each; the last should tell the number of rows.
+    columns : mapping of str to (n,) arrays
+        Floats, or int8 where ``words`` has the column.
+    words : mapping
+        Columns that are indices into a list of words: CSV shows the word.
+
+    Raises
+    ------
+    InputError
+        If a float is not finite, or the file cannot be written.
+    """
+    suffix = file_format(path)
+    for name, values in columns.items():
+        bad = np.flatnonzero(~np.isfinite(values))
+        if bad.size:
+            raise InputError(f"{path}: not written: {name}[{bad[0]}] = {values[bad[0]]} must be finite")
+    lines = "".join(f"# {key} = {value}\n" for key, value in header.items())
+    with whole_file(path) as file:
+        if suffix == ".npz":
+            _write_npz(file, lines, columns)
+        else:
+            file.writelines(_encode(text) for text in _csv(lines, columns, words))
+
+
+def _encode(text: str) -> bytes:
+    return text.encode("utf-8", "backslashreplace")  # a file name may hold bytes that are no text
+
+
+def _csv(lines: str, columns: Columns, words: Mapping[str, Sequence[str]]) -> Iterator[str]:
+    yield lines
+    yield ",".join(columns) + "\n"
+    for first in range(0, next(iter(columns.values())).size, _ROWS_AT_ONCE):
+        cells: list[Iterable[str]] = []
+        for name, values in columns.items():
+            part = values[first : first + _ROWS_AT_ONCE].tolist()
+            cells.append([words[name][i] for i in part] if name in words else map(repr, part))
+        yield "\n".join(map(",".join, zip(*cells, strict=True))) + "\n"
+
+
+def _write_npz(file: BinaryIO, lines: str, columns: Columns) -> None:
+    """Write what numpy.savez would, but with a fixed date."""
+    members = {"header": np.array(_encode(lines).decode("utf-8"))} | dict(columns)
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:
+        for name, values in members.items():
+            with archive.open(zipfile.ZipInfo(f"{name}.npy", _ZIP_DATE), "w", force_zip64=True) as entry:
+                np.lib.format.write_array(entry, values, allow_pickle=False)
+
+
+@dataclass(frozen=True)
+class ColumnFile:
+    """A file open for reading: its header is read, its columns are not yet."""
+
+    path: str | Path
+    header: Mapping[str, str]
+    names: Sequence[str]
+    first_line: int  # of the rows
+    source: TextIO | zipfile.ZipFile
+
+    def place(self, row: int) -> str:
+        """Where a row stands, for messages: file and line, or file and row."""
+        in_lines = not isinstance(self.source, zipfile.ZipFile)
+        return f"{self.path}:{self.first_line + row}" if in_lines else f"{self.path}: row {row + 1}"
+
+    def columns(self, wanted: Sequence[str], words: Mapping[str, Sequence[str]]) -> Columns:
+        """Read columns: int8 where ``words`` has the column, else finite floats.
+
+        Raises InputError, with the place, for what is missing, malformed, not finite, or of another number of rows
+        than the header's ``rows`` says.
+        """
+        missing = [name for name in wanted if name not in self.names]
+        if missing:
+            raise InputError(f'{self.path}: the column "{missing[0]}" is missing; the columns are {", ".join(wanted)}')
+        if isinstance(self.source, zipfile.ZipFile):
+            columns: Columns = {name: self._array(self.source, name, words.get(name)) for name in wanted}
+        else:
+            columns = self._parse(self.source, wanted, words)
+        for name, values in columns.items():
+            if str(values.size) != self.header["rows"]:
+                said = self.header["rows"]
+                raise InputError(f"{self.path}: {values.size} rows, but the header says {said}; the table is cut off")
+            bad = np.flatnonzero(~np.isfinite(values))
+            if bad.size:
+                raise InputError(f"{self.place(int(bad[0]))}: {name} = {values[bad[0]]} must be finite")
+        return columns
+
+    def _array(self, archive: zipfile.ZipFile, name: str, words: Sequence[str] | None) -> NDArray[Any]:
+        values = _member(archive, name, self.path)
+        kind: type[np.generic] = np.float64 if words is None else np.int8
+        if values.ndim != 1 or values.dtype != kind:
+            raise InputError(
+                f"{self.path}: {name} is {values.dtype} of shape {values.shape}; must be {kind.__name__} of shape (n,)"
+            )
+        if words is not None:
+            bad = np.flatnonzero((values < 0) | (values >= len(words)))
+            if bad.size:
+                raise InputError(
+                    f"{self.place(int(bad[0]))}: {name} = {values[bad[0]]} must lie within 0..{len(words) - 1}, an "
+                    f"index into {', '.join(words)}"
+                )
+        return values
+
+    def _parse(self, text: TextIO, wanted: Sequence[str], words: Mapping[str, Sequence[str]]) -> Columns:
+        index = {name: {word: i for i, word in enumerate(row)} for name, row in words.items()}
+        parts: dict[str, list[NDArray[Any]]] = {name: [] for name in wanted}
+        line, width = self.first_line, len(self.names)
+        while lines := list(islice(text, _ROWS_AT_ONCE)):
+            cells = self._cells(lines, line)
+            for name in wanted:
+                column = cells[self.names.index(name) :: width]
+                try:
+                    if name in index:
+                        parts[name].append(np.array([index[name][cell] for cell in column], dtype=np.int8))
+                    else:
+                        parts[name].append(np.array(list(map(float, column))))
+                except (KeyError, ValueError):
+                    raise self._bad_cell(column, name, index.get(name), line) from None
+            line += len(lines)
+        return {name: np.concatenate(part) if part else np.empty(0) for name, part in parts.items()}
+
+    def _cells(self, lines: Sequence[str], first: int) -> list[str]:
+        """Split rows into cells, one list for all: row i begins at i * width."""
+        if not lines[-1].endswith("\n"):
+            raise InputError(f"{self.path}:{first + len(lines) - 1}: the last line is incomplete; the table is cut off")
+        width = len(self.names)
+        for i, text in enumerate(lines):
+            if text.count(",") != width - 1:
+                raise InputError(f"{self.path}:{first + i}: {text.count(',') + 1} cells; a row must have {width}")
+        return "".join(lines).replace("\n", ",").split(",")[:-1]
+
+    def _bad_cell(self, column: Sequence[str], name: str, words: Mapping[str, int] | None, first: int) -> InputError:
+        """Find the first cell that is refused."""
+        for i, cell in enumerate(column):
+            if words is not None and cell not in words:
+                return InputError(f'{self.path}:{first + i}: {name}: "{cell}" must be one of {", ".join(words)}')
+            try:
+                float(cell if words is None else "0")
+            except ValueError:
+                return InputError(f'{self.path}:{first + i}: {name}: "{cell}" must be a number')
+        raise AssertionError("one of the cells was refused")
+
+
+@contextmanager
+def reading(path: str | Path, known: str, keys: Sequence[str]) -> Iterator[ColumnFile]:
+    """Open a file and read its header.
+
+    Parameters
+    ----------
+    path : str or Path
+    known : str
+        Name and version that the key ``format`` must have.
+    keys : sequence of str
+        Further keys that must be there.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, is none of these, has another version, or lacks a key.
+    """
+    try:
+        with open(path, "rb") as file:
+            if file_format(path) == ".npz":
+                with zipfile.ZipFile(file) as archive:
+                    names = [name.removesuffix(".npy") for name in archive.namelist()]
+                    lines = str(_member(archive, "header", path)).splitlines() if "header" in names else []
+                    yield ColumnFile(path, _header(lines, known, keys, path), names, 0, archive)
+            else:
+                text = io.TextIOWrapper(file, encoding="utf-8")
+                lines = []
+                while (line := text.readline()).startswith("#"):
+                    lines.append(line)
+                header = _header(lines, known, keys, path)
+                yield ColumnFile(path, header, line.rstrip("\n").split(","), len(lines) + 2, text)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: is not text; the file is damaged or of another kind") from None
+    except zipfile.BadZipFile:
+        raise InputError(f"{path}: is not a whole NPZ file; it is cut off, damaged or of another kind") from None
+
+
+def _header(lines: Iterable[str], known: str, keys: Sequence[str], path: str | Path) -> dict[str, str]:
+    header: dict[str, str] = {}
+    for line in lines:
+        key, _, value = line[1:].partition("=")
+        header[key.strip()] = value.strip()
+    kind, _, version = header.get("format", "").partition(" ")
+    if kind != known.split(maxsplit=1)[0]:
+        raise InputError(f'{path}: is no feedrate table; one starts with "# format = {known}"')
+    if version != known.split()[1]:
+        raise InputError(
+            f'{path}: format version "{version}" is unknown; this program reads version {known.split()[1]}'
+        )
+    missing = [key for key in keys if key not in header]
+    if missing:
+        raise InputError(f'{path}: the header line "# {missing[0]} = ..." is missing; the table is cut off or edited')
+    return header
+
+
+def _member(archive: zipfile.ZipFile, name: str, path: str | Path) -> NDArray[Any]:
+    try:
+        with archive.open(f"{name}.npy") as entry:
+            return np.asarray(np.lib.format.read_array(entry, allow_pickle=False))
+    except (zipfile.BadZipFile, zlib.error, ValueError, EOFError, RuntimeError) as error:
+        raise InputError(f"{path}: {name} cannot be read ({error}); the file is damaged") from None

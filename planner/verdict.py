@@ -1,0 +1,287 @@
+"""The verdict on a plan, for a person and for a program: how long, how near the optimum, what holds it back."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from planner.check import Report, Row
+from planner.geometry.curve import Curve
+from planner.limits import Limits
+from planner.profile import FeedrateProfile, Samples
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+    from rich.table import Table
+
+# Rows of a report that are limits of the machine; the others say that a plan is a plan at all, and are counted.
+_LIMITS = (
+    "feed",
+    "chord error",
+    "velocity",
+    "acceleration",
+    "jerk",
+    "tangential acceleration",
+    "tangential jerk",
+    "jerk at a curvature break",
+)
+_SHARE_SHOWN = 0.005  # limits that hold the path back for less of the time are summed up
+
+
+@dataclass(frozen=True, eq=False)
+class Verdict:
+    """A plan, what was found about it and about the samples of it.
+
+    Attributes
+    ----------
+    profile : FeedrateProfile
+    limits : Limits
+        Against which both were checked.
+    machine : str
+        Where the limits come from.
+    samples : Samples
+    plan_report, samples_report : Report
+    planning_time : float
+        s; nan where the plan was read from a table.
+    files : tuple of str
+        What was written.
+    """
+
+    profile: FeedrateProfile
+    limits: Limits
+    machine: str
+    samples: Samples
+    plan_report: Report
+    samples_report: Report
+    planning_time: float = math.nan
+    files: tuple[str, ...] = ()
+
+    @property
+    def ok(self) -> bool:
+        """Every limit holds, for the plan and for its samples."""
+        return self.plan_report.ok and self.samples_report.ok
+
+    @property
+    def gap(self) -> float:
+        """Time above the lower bound as a fraction of it; nan where there is none."""
+        bound = self.profile.lower_bound
+        return self.profile.duration / bound - 1.0 if bound > 0.0 else math.nan
+
+    @property
+    def notes(self) -> list[str]:
+        """What the planner says of its plan, and why a plan without a jerk limit breaks one."""
+        notes = [str(note) for note in self.profile.stats.get("notes", ())]
+        if self.profile.method == "toppra" and not self.ok:
+            notes.append("the method toppra knows no jerk limit: compare with its time, but do not cut with its plan")
+        return notes
+
+
+def to_json(verdict: Verdict) -> str:
+    """Write the verdict as JSON; a number that is not finite becomes null."""
+    profile, limits = verdict.profile, verdict.limits
+    facts = {
+        "ok": verdict.ok,
+        "curve": _curve_facts(profile.curve),
+        "machine": verdict.machine,
+        "feed_mm_s": limits.feed,
+        "period_s": verdict.samples.period,
+        "method": profile.method,
+        "duration_s": profile.duration,
+        "lower_bound_s": profile.lower_bound,
+        "gap": verdict.gap,
+        "nodes": profile.t.size,
+        "samples": verdict.samples.t.size,
+        "planning_time_s": verdict.planning_time,
+        "checks": {
+            "plan": [_row_facts(row) for row in verdict.plan_report.rows],
+            "samples": [_row_facts(row) for row in verdict.samples_report.rows],
+        },
+        "held_back_by": profile.shares(),
+        "notes": verdict.notes,
+        "files": list(verdict.files),
+    }
+    return json.dumps(_finite(facts), indent=2, allow_nan=False)
+
+
+def _curve_facts(curve: Curve) -> dict[str, Any]:
+    """Name, hash, axes, domain and length of a curve."""
+    return {
+        "name": curve.name,
+        "hash": curve.fingerprint,
+        "axes": list(curve.axes),
+        "domain": list(curve.domain),
+        "length_mm": curve.length,
+    }
+
+
+def _row_facts(row: Row) -> dict[str, Any]:
+    return {
+        "limit": row.limit,
+        "axis": row.axis,
+        "worst": row.worst,
+        "allowed": row.allowed,
+        "unit": row.unit,
+        "ratio": row.ratio,
+        "t_s": row.t,
+        "u": row.u,
+        "ok": row.ok,
+    }
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def to_text(verdict: Verdict) -> RenderableType:
+    """Lay the verdict out for a terminal of 80 columns or more."""
+    from rich.console import Group
+    from rich.padding import Padding
+    from rich.text import Text
+
+    shares = ", ".join(f"{name} {_percent(share)}" for name, share in _main_shares(verdict))
+    parts: list[RenderableType] = [
+        _facts(verdict),
+        "",
+        _limit_table(_reports(verdict)),
+        "",
+        _named("held back by", shares),
+        *(_named("note", note) for note in verdict.notes),
+        *(_named("written", name) for name in verdict.files),
+        "",
+    ]
+    if verdict.ok:
+        count = verdict.samples.t.size
+        return Group(*parts, Text(f"OK  every limit holds, for the plan and for its {count} samples", "bold green"))
+    return Group(*parts, Text("LIMIT BROKEN", "bold red"), Padding(Text(_broken(verdict)), (0, 0, 0, 2)))
+
+
+def samples_text(profile: FeedrateProfile, samples: Samples, report: Report, apart: float, file: str) -> RenderableType:
+    """Lay out what the samples of a plan use of its limits; ``apart`` is their distance from the plan, mm or rad."""
+    from rich.console import Group
+
+    curve = profile.curve
+    lines = [
+        _named("curve", f"{curve.name}, {curve.length:.6g} mm, axes {' '.join(curve.axes)}"),
+        _named("plan", f"{profile.method}, {profile.duration:.6g} s"),
+        _named("samples", f"{samples.t.size}, one every {quantity(samples.period, 's')}"),
+        _named("off the plan", f"{apart:.3g} at most, mm or rad on any axis"),
+    ]
+    written = [_named("written", file)] if file else []
+    return Group(*lines, "", _limit_table([("samples", report)]), "", *written)
+
+
+def _facts(verdict: Verdict) -> RenderableType:
+    from rich.console import Group
+
+    profile, limits, curve = verdict.profile, verdict.limits, verdict.profile.curve
+    feed = f"feed {quantity(limits.feed, 'mm/s')}" if math.isfinite(limits.feed) else "no feed limit"
+    time = f"{profile.duration:.6g} s"
+    lines = [
+        _named("curve", f"{curve.name}, {curve.length:.6g} mm, axes {' '.join(curve.axes)}"),
+        _named("machine", f"{verdict.machine}; {feed}, period {quantity(limits.period, 's')}"),
+        _named("plan", f"{profile.method}, {profile.t.size} nodes" + _planned_in(verdict.planning_time)),
+    ]
+    if math.isfinite(verdict.gap):
+        bound = f"{profile.lower_bound:.6g} s; the gap is at most {_percent(max(verdict.gap, 0.0), 2)}"
+    else:
+        bound = "none from this method"
+    return Group(*lines, _named("duration", time, "bold"), _named("lower bound", bound))
+
+
+def _planned_in(seconds: float) -> str:
+    return f", planned in {seconds:.3g} s" if math.isfinite(seconds) else ""
+
+
+def _named(name: str, text: str, style: str = "") -> Table:
+    """Lay out one line of the verdict; a long text wraps under itself."""
+    from rich.table import Table
+    from rich.text import Text
+
+    line = Table.grid(padding=(0, 2, 0, 0))
+    line.add_column(width=12)
+    line.add_column(overflow="fold")
+    line.add_row(name, Text(text, style=style))
+    return line
+
+
+def _limit_table(reports: Sequence[tuple[str, Report]]) -> Table:
+    """Lay out the share of each limit that is used: one row for each limit and axis, one column for each report."""
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="underline")
+    table.add_column("limit", no_wrap=True)
+    table.add_column("allowed", justify="right", no_wrap=True)
+    for title, _ in reports:
+        table.add_column(title, justify="right", no_wrap=True)
+        table.add_column("at", justify="right", no_wrap=True)
+    names = dict.fromkeys((row.limit, row.axis) for _, report in reports for row in report.rows if _is_shown(row))
+    order = sorted(names, key=lambda name: _LIMITS.index(name[0]) if name[0] in _LIMITS else len(_LIMITS))
+    for name in order:
+        rows = [next((row for row in report.rows if (row.limit, row.axis) == name), None) for _, report in reports]
+        first = next(row for row in rows if row is not None)
+        cells: list[Text] = [Text(" ".join(name).strip()), Text(quantity(first.allowed, first.unit))]
+        for row in rows:
+            style = "" if row is None or row.ok else "bold red"
+            cells.append(Text("" if row is None else _used(row), style=style))
+            cells.append(Text("" if row is None else f"{row.t:.4g} s", style=style))
+        table.add_row(*cells)
+    return table
+
+
+def _is_shown(row: Row) -> bool:
+    return not row.ok or (row.limit in _LIMITS and math.isfinite(row.allowed))
+
+
+def _reports(verdict: Verdict) -> list[tuple[str, Report]]:
+    return [("plan", verdict.plan_report), ("samples", verdict.samples_report)]
+
+
+def _broken(verdict: Verdict) -> str:
+    """Say how many checks fail, and which is the worst."""
+    found = {name: report.violations for name, report in _reports(verdict)}
+    counts = ", ".join(f"{len(rows)} of the {name}" for name, rows in found.items() if rows)
+    name, row = max(((name, row) for name, rows in found.items() for row in rows), key=lambda item: item[1].ratio)
+    return (
+        f"{counts}; the worst is {row.limit} {row.axis}".rstrip()
+        + f" of the {name}: {quantity(row.worst, row.unit)} at t = {row.t:.6g} s, u = {row.u:.6g}, where "
+        f"{quantity(row.allowed, row.unit)} is allowed"
+    )
+
+
+def _main_shares(verdict: Verdict) -> Iterator[tuple[str, float]]:
+    shares = verdict.profile.shares()
+    small = 0.0
+    for name, share in shares.items():
+        if share >= _SHARE_SHOWN:
+            yield ("no limit" if name == "none" else name), share
+        else:
+            small += share
+    if small > 0.0:
+        yield "others", small
+
+
+def quantity(value: float, unit: str) -> str:
+    """Write a number with its unit, ``none`` for an absent limit."""
+    return "none" if math.isinf(value) and value > 0.0 else f"{value:.6g} {unit}".strip()
+
+
+def _used(row: Row) -> str:
+    """Write the share of a limit that is used; a violation shows as one, however small."""
+    if not math.isfinite(row.ratio) or row.ratio >= 10.0:
+        return f"{row.ratio:.3g} x" if math.isfinite(row.ratio) else "broken"
+    digits = 1
+    while not row.ok and digits < 8 and round(100.0 * row.ratio, digits) <= 100.0:
+        digits += 1
+    return _percent(row.ratio, digits)
+
+
+def _percent(share: float, digits: int = 1) -> str:
+    return f"{100.0 * share:.{digits}f} %"
