@@ -61,6 +61,8 @@ __all__ = [
     "write_table",
 ]
 
+__version__ = "0.1.0"
+
 _HOME = {
     "check": ("Report", "check"),
     "errors": ("CurveError", "FeedrateError", "InfeasibleError", "InputError", "SolverError", "StalledError"),

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
+from planner import __version__
 from planner.errors import FeedrateError, InputError
 from planner.output import require_writable
 
@@ -91,9 +92,7 @@ def main() -> None:
 
 def _show_version(wanted: bool) -> None:
     if wanted:
-        from importlib.metadata import version
-
-        typer.echo(f"feedplan {version('feedplan')}")
+        typer.echo(f"feedplan {__version__}")
         raise typer.Exit
 
 
@@ -133,7 +132,10 @@ def plan(
     plot: Annotated[Path | None, typer.Option(help="Figure, .png, .pdf or .svg.")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Plan the feed along a curve, check the plan and its samples, print the verdict."""
+    """Plan the feed along a curve, and check the plan.
+
+    The plan and its samples are checked on their own, without a formula of the planner; one verdict is printed.
+    """
     with _exits():
         _require_outputs(output, plot)
         path, limits, machine_name = _load(curve, scale, machine, feed_mm_s, period_s)
@@ -178,9 +180,9 @@ def check(
     scale: Scale = 1.0,
     as_json: AsJson = False,
 ) -> None:
-    """Check a feedrate table, and the samples of it, without the planner.
+    """Check a feedrate table and the samples of it.
 
-    Without --machine the limits in the table's own header count.
+    Nothing of the planner is used.  Without --machine the limits in the table's own header count.
     """
     with _exits():
         from planner import load_curve, load_limits, read_table, table_limits
@@ -208,7 +210,10 @@ def replay(
     scale: Scale = 1.0,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Samples, .csv or .npz.")] = None,
 ) -> None:
-    """Sample a feedrate table once a period, as an interpolator does, and sum the samples up."""
+    """Sample a feedrate table once a period.
+
+    This is what an interpolator does.  Printed is how far the samples are off the plan and what they use of its limits.
+    """
     with _exits():
         _require_outputs(output, None)
         import interp
@@ -237,7 +242,10 @@ def replay(
 
 @app.command(epilog="\b\nExample:\n  feedplan curves")
 def curves() -> None:
-    """List the named curves: axes, length, domain, breaks and source."""
+    """List the named curves.
+
+    Breaks are counted by what is still continuous there: G0 a corner, G1 the tangent, G2 the curvature, G3 its rate.
+    """
     with _exits():
         from planner import CATALOG, load_curve
 
@@ -290,7 +298,7 @@ def _load(
         limits = limits.with_feed(feed)
     if period is not None:
         limits = limits.with_period(period)
-    return path, limits, machine or f"{example} (the example machine; --machine takes your own)"
+    return path, limits, machine or f"{example} (example machine)"
 
 
 def _judge(
@@ -353,15 +361,19 @@ def _curve_list(found: dict[str, Curve]) -> RenderableType:
     from rich.table import Table
     from rich.text import Text
 
-    names = ("name", "axes", "length mm", "u from", "to", "breaks by order")
-    parts: list[RenderableType] = []
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="underline")
+    for column in ("name", "axes", "length mm", "u from", "to", "breaks by order"):
+        table.add_column(
+            column, justify="left" if column in {"name", "axes", "breaks by order"} else "right", no_wrap=True
+        )
+    sources: dict[str, list[str]] = {}
     for name, curve in found.items():
-        table = Table(box=None, padding=(0, 2, 0, 0), header_style="underline", show_header=not parts)
-        for column, width, justify in zip(names, (15, 9, 9, 6, 9, 20), "llrrrl", strict=True):
-            table.add_column(column, width=width, justify="right" if justify == "r" else "left", no_wrap=True)
         u0, u1 = curve.domain
         table.add_row(name, " ".join(curve.axes), f"{curve.length:.3f}", f"{u0:.6g}", f"{u1:.6g}", _smoothness(curve))
-        parts += [table, Padding(Text(_source(name), "dim"), (0, 0, 0, 2))]
+        sources.setdefault(_source(name), []).append(name)
+    parts: list[RenderableType] = [table, ""]
+    for source, names in sources.items():
+        parts += [Text(f"{', '.join(names)}:"), Padding(Text(source), (0, 0, 0, 2))]
     return Group(*parts)
 
 

@@ -30,6 +30,8 @@ _LIMITS = (
 )
 _SHARE_SHOWN = 0.005  # limits that hold the path back for less of the time are summed up
 
+_NOTES_SHOWN = 8
+
 
 @dataclass(frozen=True, eq=False)
 class Verdict:
@@ -152,7 +154,7 @@ def to_text(verdict: Verdict) -> RenderableType:
         _limit_table(_reports(verdict)),
         "",
         _named("held back by", shares),
-        *(_named("note", note) for note in verdict.notes),
+        *(_named("note", note) for note in _shortened(verdict.notes)),
         *(_named("written", name) for name in verdict.files),
         "",
     ]
@@ -175,6 +177,12 @@ def samples_text(profile: FeedrateProfile, samples: Samples, report: Report, apa
     ]
     written = [_named("written", file)] if file else []
     return Group(*lines, "", _limit_table([("samples", report)]), "", *written)
+
+
+def _shortened(notes: list[str]) -> list[str]:
+    if len(notes) <= _NOTES_SHOWN:
+        return notes
+    return [*notes[: _NOTES_SHOWN - 1], f"{len(notes) - _NOTES_SHOWN + 1} more notes are in --json"]
 
 
 def _facts(verdict: Verdict) -> RenderableType:
@@ -212,27 +220,22 @@ def _named(name: str, text: str, style: str = "") -> Table:
 
 
 def _limit_table(reports: Sequence[tuple[str, Report]]) -> Table:
-    """Lay out the share of each limit that is used: one row for each limit and axis, one column for each report."""
+    """Lay out the share of each limit that is used: a row for each limit and axis, a column for each report."""
     from rich.table import Table
     from rich.text import Text
 
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="underline")
     table.add_column("limit", no_wrap=True)
-    table.add_column("allowed", justify="right", no_wrap=True)
-    for title, _ in reports:
+    for title in ("allowed", *(title for title, _ in reports), "worst at"):
         table.add_column(title, justify="right", no_wrap=True)
-        table.add_column("at", justify="right", no_wrap=True)
     names = dict.fromkeys((row.limit, row.axis) for _, report in reports for row in report.rows if _is_shown(row))
     order = sorted(names, key=lambda name: _LIMITS.index(name[0]) if name[0] in _LIMITS else len(_LIMITS))
     for name in order:
         rows = [next((row for row in report.rows if (row.limit, row.axis) == name), None) for _, report in reports]
-        first = next(row for row in rows if row is not None)
-        cells: list[Text] = [Text(" ".join(name).strip()), Text(quantity(first.allowed, first.unit))]
-        for row in rows:
-            style = "" if row is None or row.ok else "bold red"
-            cells.append(Text("" if row is None else _used(row), style=style))
-            cells.append(Text("" if row is None else f"{row.t:.4g} s", style=style))
-        table.add_row(*cells)
+        worst = max((row for row in rows if row is not None), key=lambda row: row.ratio)
+        cells = [Text(" ".join(name).strip()), Text(quantity(worst.allowed, worst.unit))]
+        cells += [Text("") if row is None else Text(_used(row), "" if row.ok else "bold red") for row in rows]
+        table.add_row(*cells, Text(f"{worst.t:.3f} s"))
     return table
 
 
@@ -275,12 +278,12 @@ def quantity(value: float, unit: str) -> str:
 
 def _used(row: Row) -> str:
     """Write the share of a limit that is used; a violation shows as one, however small."""
-    if not math.isfinite(row.ratio) or row.ratio >= 10.0:
-        return f"{row.ratio:.3g} x" if math.isfinite(row.ratio) else "broken"
-    digits = 1
-    while not row.ok and digits < 8 and round(100.0 * row.ratio, digits) <= 100.0:
-        digits += 1
-    return _percent(row.ratio, digits)
+    if not math.isfinite(row.ratio):
+        return "broken"
+    if row.ratio >= 10.0:
+        return f"{row.ratio:.3g} x"
+    text = _percent(row.ratio)
+    return f"> {text}" if not row.ok and text == _percent(1.0) else text
 
 
 def _percent(share: float, digits: int = 1) -> str:
