@@ -40,6 +40,9 @@ _BISECTIONS = 64
 # A plan may fall back by this share of its path: the noise of quintics between close nodes, not a motion.
 _FALLING_BACK = 1e-10
 _PROBES = 9
+# A Taylor table's feed is right to this share of the mean feed; at a jump, where it cannot be, halving ends.
+_FEED_TOLERANCE = 1e-9
+_HALVINGS = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,8 +128,8 @@ class TaylorTable:
     def from_profile(cls, profile: FeedrateProfile) -> TaylorTable:
         """Build the table of a plan.
 
-        Between two nodes V(t) is the cubic that takes the feed and the acceleration of both: exact where the jerk is
-        constant.
+        Between two nodes V(t) is the cubic that takes the feed and the acceleration of both, which is exact where the
+        jerk is constant; where it is not, points are added until V(t) is the plan's to nine digits.
         """
         curve = profile.curve
         axes, tip = curve.pieces, curve.tip.pieces
@@ -294,8 +297,8 @@ def _require_forward(law: FloatArray, gap: FloatArray, begin: FloatArray) -> Non
     worst = int(np.argmax(back))
     if back[worst] > _FALLING_BACK * travelled:
         raise InputError(
-            f"the curve parameter of the plan falls back by {back[worst]:.3g} between t = {begin[worst]!r} and "
-            f"{begin[worst] + gap[worst]!r} s; it must not decrease: the plan needs more nodes there"
+            f"the curve parameter of the plan falls back by {back[worst]:.3g} between t = {float(begin[worst])!r} and "
+            f"{float(begin[worst] + gap[worst])!r} s; it must not decrease: the plan needs more nodes there"
         )
 
 
@@ -325,14 +328,35 @@ def _expanded(c: FloatArray, shift: FloatArray) -> FloatArray:
 
 
 def _feed(profile: FeedrateProfile) -> FloatArray:
-    i, gap = _intervals(profile)
-    v, a = profile.feed, profile.acceleration
-    rest = v[i + 1] - v[i] - gap * a[i]
-    bend = gap * (a[i + 1] - a[i])
-    table = np.zeros((i.size + 1, 5))
-    table[:-1, 0] = profile.t[i]
-    table[:-1, 1], table[:-1, 2] = v[i], a[i]
-    table[:-1, 3] = (3.0 * rest - bend) / gap**2
-    table[:-1, 4] = (bend - 2.0 * rest) / gap**3
+    """Cubics of V(t) between the nodes, and between points halfway where that is too far from V(t) = u' |C'|."""
+    i, _ = _intervals(profile)
+    spans = np.stack([profile.t[i], profile.feed[i], profile.acceleration[i]])
+    spans = np.concatenate([spans, np.stack([profile.t[i + 1], profile.feed[i + 1], profile.acceleration[i + 1]])])
+    tolerance = _FEED_TOLERANCE * float(profile.s[-1] - profile.s[0]) / profile.duration
+    for _ in range(_HALVINGS):
+        cubics = _cubics(spans)
+        gap = spans[3] - spans[0]
+        off = np.zeros(gap.size, dtype=bool)
+        for share in (0.3, 0.5, 0.7):
+            inner = profile.at(spans[0] + share * gap)
+            off |= np.abs(np.polynomial.polynomial.polyval(share * gap, cubics, tensor=False) - inner.feed) > tolerance
+        if not off.any():
+            break
+        half = profile.at(0.5 * (spans[0] + spans[3])[off])
+        middle = np.stack([half.t, half.feed, half.acceleration])
+        first, second = np.concatenate([spans[:3, off], middle]), np.concatenate([middle, spans[3:, off]])
+        spans = np.concatenate([spans[:, ~off], first, second], axis=1)
+    spans = spans[:, np.argsort(spans[0], kind="stable")]
+    table = np.zeros((spans.shape[1] + 1, 5))
+    table[:-1, 0], table[:-1, 1:] = spans[0], _cubics(spans).T
     table[-1, 0] = np.inf
     return table
+
+
+def _cubics(spans: FloatArray) -> FloatArray:
+    """Coefficients (4, n) in powers of the time since the start, from rows t, V, A of the start and of the end."""
+    t0, v0, a0, t1, v1, a1 = spans
+    gap = t1 - t0
+    rest = v1 - v0 - gap * a0
+    bend = gap * (a1 - a0)
+    return np.stack([v0, a0, (3.0 * rest - bend) / gap**2, (bend - 2.0 * rest) / gap**3])

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+import signal
 import sys
 import time
 from collections.abc import Iterator
@@ -15,6 +16,7 @@ from contextlib import contextmanager
 from enum import StrEnum
 from importlib import resources
 from pathlib import Path
+from types import FrameType
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
@@ -164,10 +166,10 @@ def plan(
             files = tuple(str(name) for name in (output, plot) if name is not None)
             verdict = _judge(profile, limits, machine_name, line, seconds=seconds, files=files)
             if plot is not None:
-                from planner.plots import save_plot
+                from planner.plots import plot_plan, save_plot
 
                 line(f"drawing {plot}")
-                save_plot(plot, path, limits, profile, verdict.samples)
+                save_plot(plot, plot_plan(path, limits, profile, verdict.samples))
         _report(verdict, as_json)
 
 
@@ -255,19 +257,26 @@ def curves() -> None:
 @contextmanager
 def _exits() -> Iterator[None]:
     """Turn what we raise on purpose into a line on standard error and an exit code; the rest keeps its traceback."""
+    interrupted = False
+
+    def remember(number: int, frame: FrameType | None) -> NoReturn:
+        # A solver in compiled code may report an interrupt as a failure of its own.
+        nonlocal interrupted
+        interrupted = True
+        raise KeyboardInterrupt
+
+    previous = signal.signal(signal.SIGINT, remember)
     try:
         yield
-    except InputError as error:
-        _fail(error, BAD_INPUT)
-    except FeedrateError as error:
-        _fail(error, NO_PLAN)
     except KeyboardInterrupt:
         raise typer.Exit(INTERRUPTED) from None
-
-
-def _fail(error: FeedrateError, code: int) -> NoReturn:
-    typer.echo(f"error: {error}", err=True)
-    raise typer.Exit(code) from None
+    except FeedrateError as error:
+        if interrupted:
+            raise typer.Exit(INTERRUPTED) from None
+        typer.echo(f"error: {error}", err=True)
+        raise typer.Exit(BAD_INPUT if isinstance(error, InputError) else NO_PLAN) from None
+    finally:
+        signal.signal(signal.SIGINT, previous)
 
 
 def _require_outputs(table: Path | None, plot: Path | None) -> None:
@@ -278,9 +287,9 @@ def _require_outputs(table: Path | None, plot: Path | None) -> None:
         file_format(table)
         require_writable(table)
     if plot is not None:
-        from planner.plots import require_figure_format
+        from planner.plots import figure_format
 
-        require_figure_format(plot)
+        figure_format(plot)
         require_writable(plot)
 
 

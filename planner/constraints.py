@@ -88,12 +88,12 @@ class Path:
     curvature: FloatArray
 
 
-def path_at(section: Section, limits: Limits, sigma: FloatArray, u: FloatArray | None, left: NDArray[np.intp] | None) -> Path:
-    """Evaluate the path of a section at any sigma; ``u`` if known exactly, ``left`` the indices to take from the left."""
+def path_at(
+    section: Section, limits: Limits, sigma: FloatArray, u: FloatArray, left: NDArray[np.bool_]
+) -> Path:
+    """Evaluate the path of a section at sigma, where the curve parameter is u; from the left where ``left`` is true."""
     curve = section.curve
     rest = section.rest_map(sigma)
-    if u is None:
-        u = section.parameter(rest[0])
     q = evaluate(curve, u, left)
     u1, u2, u3 = section.parameter_derivatives(q, axis_weights(limits), rest)
     tip = q if curve.tip is curve else evaluate(curve.tip, u, left)
@@ -126,7 +126,9 @@ def build(
     u[0::2] = grid.u
     empty = 2 * np.flatnonzero(h == 0.0) + 1
     u[empty] = u[empty - 1]
-    path = path_at(section, limits, sigma, u, 2 * grid.left)
+    # Near a stop u rounds to the end of its stretch; it must not be read from beyond.
+    beyond = u >= np.repeat(grid.stretch_end, 2)[:-1]
+    path = path_at(section, limits, sigma, u, beyond)
     x_guess, duration = _guess(section, grid, guess)
     scale = section.span / grid.intervals
     tau = duration / grid.intervals

@@ -70,6 +70,11 @@ class Grid:
     left: NDArray[np.intp]
 
     @property
+    def stretch_end(self) -> FloatArray:
+        """For each knot the parameter at which its stretch between breaks ends, (n,)."""
+        return np.repeat(self.u[self.left], np.diff(self.left, prepend=-1))
+
+    @property
     def intervals(self) -> int:
         """Number of intervals that are not empty."""
         return int(np.count_nonzero(np.diff(self.sigma) > 0.0))
@@ -86,7 +91,7 @@ def scan(section: Section, limits: Limits, intervals: int) -> Scan:
     near = (section.y_end - section.y_start) * np.geomspace(1e-9, 0.5 / count, 48)
     y = np.unique(np.concatenate([y, section.y_start + near, section.y_end - near, section.coordinate(breaks)]))
     u = section.parameter(y)
-    q = evaluate(curve, u)
+    q = evaluate(curve, u, u >= section.u_end)
     scaled = q.copy()
     scaled[1:] *= weights
     arc = arc_derivatives(scaled)
@@ -98,7 +103,7 @@ def scan(section: Section, limits: Limits, intervals: int) -> Scan:
         ceiling = np.fmin.reduce(weights * limits.velocity / np.abs(arc[1]), axis=1)
         ceiling = np.fmin(ceiling, np.sqrt(np.fmin.reduce(accelerations / np.abs(arc[2]), axis=1)))
         ceiling = np.fmin(ceiling, np.cbrt(np.fmin.reduce(jerks / np.abs(arc[3]), axis=1)))
-        tip = curve.tip.derivatives(u, 3)
+        tip = evaluate(curve.tip, u, u >= section.u_end)
         ratio = np.sqrt(np.sum(tip[1] ** 2, axis=-1)) / speed
         feed = np.fmin(limits.feed, chord_feed_limit(curve.tip.curvature(u), limits))
         ceiling = np.fmin(ceiling, np.where(ratio > 0.0, feed / ratio, np.inf))

@@ -19,10 +19,13 @@ from planner.constraints import Path
 from planner.geometry.curve import Curve, FloatArray
 from planner.limits import Limits, chord_feed_limit
 from planner.profile import quintic_coefficients
+from planner.sections import evaluate
 
 _GAUSS_POINTS = 16
 _POINTS_PER_INTERVAL = 10  # an interval of a solver has two nodes' intervals, hence 20 points
 _CHUNK = 20_000
+# Intervals this near to the largest slowdown, at most this many, are looked at with this many points.
+_CLOSE, _CLOSEST, _CLOSE_POINTS = 1e-4, 64, 400
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,31 +105,42 @@ class Utilisation:
 
 def utilisation(curve: Curve, limits: Limits, nodes: TimeNodes) -> Utilisation:
     """Measure a time law densely between its nodes, in chunks."""
-    count = nodes.t.size - 1
-    out = np.zeros((3, count))
-    full = np.flatnonzero(np.diff(nodes.t) > 0.0)
+    out = np.zeros((3, nodes.t.size - 1))
+    step = np.diff(nodes.t)
+    last = np.append(np.flatnonzero(step <= 0.0), nodes.t.size - 1)
+    end = np.repeat(nodes.u[last], np.diff(last, prepend=-1))
+    full = np.flatnonzero(step > 0.0)
     for lo in range(0, full.size, _CHUNK):
         index = full[lo : lo + _CHUNK]
-        out[:, index] = _chunk(curve, limits, nodes, index)
+        out[:, index] = _chunk(curve, limits, nodes, index, end[index], _POINTS_PER_INTERVAL)
+    # The peaks of the intervals that decide lie between their points: look there closely.
+    slowdown = Utilisation(*out).slowdown
+    top = full[slowdown[full] > slowdown.max() - _CLOSE]
+    top = top[np.argsort(-slowdown[top], kind="stable")[:_CLOSEST]]
+    out[:, top] = np.maximum(out[:, top], _chunk(curve, limits, nodes, top, end[top], _CLOSE_POINTS))
     return Utilisation(*out)
 
 
-def _chunk(curve: Curve, limits: Limits, nodes: TimeNodes, index: NDArray[np.intp]) -> FloatArray:
+def _chunk(
+    curve: Curve, limits: Limits, nodes: TimeNodes, index: NDArray[np.intp], end: FloatArray, points: int
+) -> FloatArray:
     h = nodes.t[index + 1] - nodes.t[index]
     c = quintic_coefficients(
         h,
         (nodes.u[index], nodes.u_rate[index], nodes.u_acceleration[index]),
         (nodes.u[index + 1], nodes.u_rate[index + 1], nodes.u_acceleration[index + 1]),
     )[:, :, None]
-    w = h[:, None] * np.linspace(0.0, 1.0, _POINTS_PER_INTERVAL + 1)
+    w = h[:, None] * np.linspace(0.0, 1.0, points + 1)
     u = c[0] + w * (c[1] + w * (c[2] + w * (c[3] + w * (c[4] + w * c[5]))))
     u1 = c[1] + w * (2.0 * c[2] + w * (3.0 * c[3] + w * (4.0 * c[4] + w * 5.0 * c[5])))
     u2 = 2.0 * c[2] + w * (6.0 * c[3] + w * (12.0 * c[4] + w * 20.0 * c[5]))
     u3 = 6.0 * c[3] + w * (24.0 * c[4] + w * 60.0 * c[5])
     np.clip(u, nodes.u[index, None], nodes.u[index + 1, None], out=u)
     u[:, 0], u[:, -1] = nodes.u[index], nodes.u[index + 1]
-    q = _one_sided(curve, u)
-    tip = q if curve.tip is curve else _one_sided(curve.tip, u)
+    # A point that rounds to the end of its stretch between breaks must not be read from beyond it.
+    beyond = u >= end[:, None]
+    q = evaluate(curve, u, beyond)
+    tip = q if curve.tip is curve else evaluate(curve.tip, u, beyond)
     square, cube = (u1 * u1)[..., None], (u1 * u1 * u1)[..., None]
     rate, bend, twist = u1[..., None], u2[..., None], u3[..., None]
     velocity = np.abs(q[1] * rate) / limits.velocity
@@ -151,10 +165,3 @@ def _chunk(curve: Curve, limits: Limits, nodes: TimeNodes, index: NDArray[np.int
             along = np.abs(speed * u3 + 3.0 * s2 * u1 * u2 + s3 * u1**3) / limits.tangential_jerk
             used[2] = np.maximum(used[2], along.max(axis=1))
     return np.stack(used)
-
-
-def _one_sided(curve: Curve, u: FloatArray) -> FloatArray:
-    """Derivatives at u (n, k), the last point of each row from the left."""
-    q = curve.derivatives(u, 3)
-    q[:, :, -1] = curve.derivatives(u[:, -1], 3, side="left")
-    return q

@@ -80,9 +80,10 @@ class Limits:
             "tangential_jerk": tangential_jerk,
         }
         for name, value in given.items():
-            object.__setattr__(self, name, positive_number(value, name))
+            hint = "" if name == "period" else "; use inf for no limit"
+            object.__setattr__(self, name, positive_number(value, name, hint))
         if np.isinf(self.period):
-            raise InputError("period = inf must be finite: the time between two points, s")
+            raise InputError("period = inf must be finite, the time between two points in s")
         for name, values in (("velocity", velocity), ("acceleration", acceleration), ("jerk", jerk)):
             object.__setattr__(self, name, _positive_row(values, f"axis_{name}"))
         sizes = [row.size for row in (self.velocity, self.acceleration, self.jerk)]

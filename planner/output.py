@@ -13,16 +13,13 @@ from planner.errors import InputError
 
 
 def require_writable(path: str | Path) -> None:
-    """Raise InputError unless a file could be written under this name: to be asked before the work, not after it."""
-    target = Path(os.path.realpath(path))
-    if target.is_dir():
-        raise InputError(f"{path}: cannot be written (it is a directory); give the name of a file")
-    if target.exists() and not target.is_file():
-        raise InputError(f"{path}: cannot be written (it is not an ordinary file)")
-    if not target.parent.is_dir():
-        raise InputError(f"{path}: cannot be written (there is no directory {target.parent})")
-    if not os.access(target.parent, os.W_OK):
-        raise InputError(f"{path}: cannot be written (no permission to write into {target.parent})")
+    """Raise InputError unless a file can be written under this name: to be asked before the work, not after it."""
+    temporary = _temporary(_target(path))
+    try:
+        temporary.touch(exist_ok=False)
+    except OSError as error:
+        raise _refusal(path, error) from None
+    temporary.unlink(missing_ok=True)
 
 
 @contextmanager
@@ -37,14 +34,33 @@ def whole_file(path: str | Path) -> Iterator[BinaryIO]:
     InputError
         If the file cannot be written (no such directory, no permission, disk full).
     """
-    require_writable(path)
-    target = Path(os.path.realpath(path))  # a link stays a link: the file behind it is replaced
-    temporary = target.with_name(f".feedplan-{secrets.token_hex(6)}.part")
+    target = _target(path)
+    temporary = _temporary(target)
     try:
         with open(temporary, "xb") as file:
             yield file
         os.replace(temporary, target)
     except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
+        raise _refusal(path, error) from None
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def _target(path: str | Path) -> Path:
+    """The file behind the name (a link stays a link); refuses what no file can replace."""
+    target = Path(os.path.realpath(path))
+    if target.is_dir():
+        raise InputError(f"{path}: cannot be written (it is a directory); give the name of a file")
+    if target.exists() and not target.is_file():
+        raise InputError(f"{path}: cannot be written (it is not an ordinary file)")
+    if not target.parent.is_dir():
+        raise InputError(f"{path}: cannot be written (there is no directory {target.parent})")
+    return target
+
+
+def _temporary(target: Path) -> Path:
+    return target.with_name(f".feedplan-{secrets.token_hex(6)}.part")
+
+
+def _refusal(path: str | Path, error: OSError) -> InputError:
+    return InputError(f"{path}: cannot be written ({error.strerror or error})")

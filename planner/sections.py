@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.geometry.arclength import ArcLength
-from planner.geometry.curve import Break, Curve, FloatArray, Side
+from planner.geometry.curve import Break, Curve, FloatArray
 from planner.limits import Limits
 
 # Ascending powers of r of the rest map's slope p and of its integral; a blend of width w covers _BLEND_LENGTH w of y.
@@ -218,10 +218,9 @@ def weighted_arclength(curve: Curve, weights: FloatArray) -> ArcLength:
     return ArcLength.of_speed(speed, curve, curve.name)
 
 
-def evaluate(curve: Curve, u: FloatArray, left: NDArray[np.intp] | None = None) -> FloatArray:
-    """Derivatives 0..3 of the machine axes, from the left at the indices ``left``."""
+def evaluate(curve: Curve, u: FloatArray, left: NDArray[np.bool_]) -> FloatArray:
+    """Derivatives 0..3 of a curve at u, from the left where ``left`` (same shape) is true."""
     q = curve.derivatives(u, 3)
-    if left is not None and left.size:
-        side: Side = "left"
-        q[:, left] = curve.derivatives(u[left], 3, side=side)
+    if left.any():
+        q[:, left] = curve.derivatives(u[left], 3, side="left")
     return q

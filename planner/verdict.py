@@ -76,6 +76,8 @@ class Verdict:
     def notes(self) -> list[str]:
         """What the planner says of its plan, and why a plan without a jerk limit breaks one."""
         notes = [str(note) for note in self.profile.stats.get("notes", ())]
+        if (status := self.profile.stats.get("status", "optimal")) not in {"optimal", "feasible"}:
+            notes.append(f"the solver ended early ({status}): the gap says how much time may be left in the plan")
         if self.profile.method == "toppra" and not self.ok:
             notes.append("the method toppra knows no jerk limit: compare with its time, but do not cut with its plan")
         return notes
@@ -197,7 +199,7 @@ def _facts(verdict: Verdict) -> RenderableType:
         _named("plan", f"{profile.method}, {profile.t.size} nodes" + _planned_in(verdict.planning_time)),
     ]
     if math.isfinite(verdict.gap):
-        bound = f"{profile.lower_bound:.6g} s; the gap is at most {_percent(max(verdict.gap, 0.0), 2)}"
+        bound = f"{profile.lower_bound:.6g} s; the gap is at most {_percent(verdict.gap, 2)}"
     else:
         bound = "none from this method"
     return Group(*lines, _named("duration", time, "bold"), _named("lower bound", bound))
@@ -287,4 +289,4 @@ def _used(row: Row) -> str:
 
 
 def _percent(share: float, digits: int = 1) -> str:
-    return f"{100.0 * share:.{digits}f} %"
+    return f"{100.0 * share + 0.0:.{digits}f}%"

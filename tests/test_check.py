@@ -15,11 +15,10 @@ from hypothesis import strategies as st
 
 from planner.errors import InputError
 from planner.geometry.catalog import load_curve
-from planner.geometry.curve import Curve
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
 from planner.limits import Limits
-from planner.profile import FeedrateProfile, Samples, make_profile
+from planner.profile import Samples, make_profile
 
 # The package may export the function under the name of its module, so the module is asked for by name.
 module = importlib.import_module("planner.check")
@@ -98,11 +97,11 @@ def unlimited(dim=2, **given_limits):
     return Limits(**({"feed": np.inf, "velocity": free, "acceleration": free, "jerk": free} | given_limits))
 
 
-def limits_at(report, dim, axes, period=1e-3):
-    """Limits that a plan uses up exactly, by its own report."""
-    rows = {name: [report.row(name, axis).worst for axis in axes] for name in AXIS_LIMITS}
+def limits_at(report):
+    """Limits that a plan in X and Y uses up exactly, by its own report."""
+    rows = {name: [report.row(name, axis).worst for axis in "XY"] for name in AXIS_LIMITS}
     single = {name.replace(" ", "_"): report.row(name).worst for name in SINGLE_LIMITS}
-    return Limits(**rows, **single, period=period)
+    return Limits(**rows, **single)
 
 
 def lowered(limits, name, axis_index, factor):
@@ -149,6 +148,21 @@ def ellipse():
 def ellipse_plan(ellipse):
     motion = scurve(ellipse.length, 120.0, 900.0, 15000.0, 60)
     return profile_on(ellipse, unlimited(), lift(ellipse, motion))
+
+
+@pytest.fixture(scope="module")
+def ellipse_samples(ellipse, ellipse_plan):
+    return sampled(ellipse, ellipse_plan, 1e-3)
+
+
+@pytest.fixture(scope="module")
+def used_up(ellipse, ellipse_plan, ellipse_samples):
+    """Limits that the plan on the ellipse, and its samples, use up exactly; they hold."""
+    limits = {}
+    for kind, plan in (("profile", ellipse_plan), ("samples", ellipse_samples)):
+        limits[kind] = limits_at(check(ellipse, unlimited(), plan))
+        assert check(ellipse, limits[kind], plan).ok
+    return limits
 
 
 # ---- closed forms --------------------------------------------------------------------------------------------------
@@ -272,15 +286,13 @@ def test_limits_that_are_absent_are_measured_all_the_same(ellipse, ellipse_plan)
 @pytest.fixture(scope="module")
 def coarse_plan(ellipse):
     """Few nodes of a smooth time law, so that every peak lies between points."""
-    t = np.linspace(0.0, 2.0, 23)
-    u = np.pi * t + 0.6 * np.sin(np.pi * t / 2.0) ** 2 * np.sin(np.pi * t)
-    h = 1e-3
-    rate, second = np.gradient(np.pi * 0 + u, t), np.zeros(t.size)
+    t, h = np.linspace(0.0, 2.0, 23), 1e-3
 
     def law(x):
         return np.pi * x + 0.6 * np.sin(np.pi * x / 2.0) ** 2 * np.sin(np.pi * x)
 
-    rate, second = (law(t + h) - law(t - h)) / (2 * h), (law(t + h) - 2 * law(t) + law(t - h)) / h**2
+    u, rate = law(t), (law(t + h) - law(t - h)) / (2 * h)
+    second = (law(t + h) - 2 * law(t) + law(t - h)) / h**2
     u[-1] = 2.0 * np.pi
     return profile_on(ellipse, unlimited(), (t, u, rate, second))
 
@@ -306,11 +318,9 @@ def test_chunks_change_nothing(monkeypatch, ellipse, ellipse_plan, circle):
     on_circle = profile_on(circle, limits, lift(circle, constant_feed(circle, 100.0, 300), double=False))
     cases = [(ellipse, ellipse_plan), (ellipse, sampled(ellipse, ellipse_plan, 1e-3)), (circle, on_circle)]
     whole = [check(curve, limits, plan) for curve, plan in cases]
-    for points in (1, 777, 20_000):
+    for points in (300, 777, 20_000):
         monkeypatch.setattr(module, "_CHUNK_POINTS", points)
-        assert [check(curve, limits, plan) for curve, plan in (cases if points > 1 else cases[2:])] == (
-            whole if points > 1 else whole[2:]
-        )
+        assert [check(curve, limits, plan) for curve, plan in cases] == whole
 
 
 def test_chord_error_agrees_with_brute_force(ellipse, coarse_plan):
@@ -323,11 +333,12 @@ def test_chord_error_agrees_with_brute_force(ellipse, coarse_plan):
     p = np.stack([ELLIPSE[0] * np.cos(u), ELLIPSE[1] * np.sin(u)], axis=-1)
     chord = p[:, -1] - p[:, 0]
     normal = np.stack([-chord[:, 1], chord[:, 0]], axis=-1) / np.linalg.norm(chord, axis=1)[:, None]
-    brute = np.abs(np.einsum("nkd,nd->nk", p - p[:, :1], normal)).max()
+    distance = np.abs(np.einsum("nkd,nd->nk", p - p[:, :1], normal))
     row = report.row("chord error")
-    assert brute <= row.worst * (1 + 1e-12)
-    assert row.worst == pytest.approx(brute, rel=1e-3)
-    assert report.row("chord error").u == pytest.approx(float(coarse_plan.at(row.t).u), abs=1e-12)
+    assert distance.max() <= row.worst * (1 + 1e-12)
+    assert row.worst == pytest.approx(distance.max(), rel=1e-3)
+    assert row.t == pytest.approx(t.flat[distance.argmax()], abs=2e-3)
+    assert row.u == pytest.approx(float(coarse_plan.at(row.t).u), abs=1e-12)
 
 
 def test_distance_is_to_the_chord_not_to_its_line():
@@ -372,10 +383,8 @@ def differenced(profile, t, order, name, axis):
 
 
 @pytest.mark.parametrize(("name", "axis"), EVERY_LIMIT)
-def test_a_limit_lowered_by_a_thousandth_is_found_on_the_profile(ellipse, ellipse_plan, name, axis):
-    used = limits_at(check(ellipse, unlimited(), ellipse_plan), 2, "XY")
-    assert check(ellipse, used, ellipse_plan).ok
-    report = check(ellipse, lowered(used, name, axis, 0.999), ellipse_plan)
+def test_a_limit_lowered_by_a_thousandth_is_found_on_the_profile(ellipse, ellipse_plan, used_up, name, axis):
+    report = check(ellipse, lowered(used_up["profile"], name, axis, 0.999), ellipse_plan)
     letter = "" if axis is None else "XY"[axis]
     assert failing(report) == {(name, letter)}
     row = report.row(name, letter)
@@ -389,17 +398,17 @@ def test_a_limit_lowered_by_a_thousandth_is_found_on_the_profile(ellipse, ellips
 
 
 @pytest.mark.parametrize(("name", "axis"), EVERY_LIMIT)
-def test_a_limit_lowered_by_a_thousandth_is_found_on_the_samples(ellipse, ellipse_plan, name, axis):
-    samples = sampled(ellipse, ellipse_plan, 1e-3)
-    used = limits_at(check(ellipse, unlimited(), samples), 2, "XY")
-    assert check(ellipse, used, samples).ok
-    report = check(ellipse, lowered(used, name, axis, 0.999), samples)
+def test_a_limit_lowered_by_a_thousandth_is_found_on_the_samples(
+    ellipse, ellipse_plan, ellipse_samples, used_up, name, axis
+):
+    samples = ellipse_samples
+    report = check(ellipse, lowered(used_up["samples"], name, axis, 0.999), samples)
     letter = "" if axis is None else "XY"[axis]
     assert failing(report) == {(name, letter)}
     row = report.row(name, letter)
     u_there = float(ellipse_plan.at(min(row.t, ellipse_plan.duration)).u)
     # The place is the middle of the samples that the difference takes in.
-    assert row.u == pytest.approx(u_there, abs=2e-6)
+    assert row.u == pytest.approx(u_there, abs=1e-5)
     if axis is not None:
         order = AXIS_LIMITS.index(name) + 1
         at = row.t + 1e-3 * (np.arange(order + 1) - order / 2)
@@ -424,16 +433,14 @@ def test_a_plan_sped_up_by_half_a_percent_fails(line, line_limits, line_plan, on
     assert failing(report) == wanted
 
 
-@settings(max_examples=12, deadline=None, derandomize=True)
+@settings(max_examples=8, deadline=None, derandomize=True)
 @given(k=st.floats(0.2, 5.0))
 def test_scaling_time_scales_the_ratios(k):
     curve = load_curve("circle")
     motion = scurve(curve.length, 80.0, 500.0, 8000.0, 8)
     t, u, rate, second = lift(curve, with_lengths(motion, curve.arclength.s(curve._candidate_breaks())))
     limits = Limits(90.0, [70.0] * 2, [400.0] * 2, [7000.0] * 2, np.inf, 1e-3, 450.0, 9000.0)
-    plans = [
-        profile_on(curve, limits, nodes) for nodes in ((t, u, rate, second), (t * k, u, rate / k, second / k**2))
-    ]
+    plans = [profile_on(curve, limits, nodes) for nodes in ((t, u, rate, second), (t * k, u, rate / k, second / k**2))]
     pairs = [
         [check(curve, limits, plan) for plan in plans],
         [check(curve, limits, sampled(curve, p, T)) for p, T in zip(plans, (4e-3, 4e-3 * k), strict=True)],
@@ -451,8 +458,8 @@ def test_scaling_time_scales_the_ratios(k):
 
 
 @pytest.mark.parametrize(("column", "size"), [(1, 1e-7), (2, 1e-4), (3, 5e-2)])
-def test_one_bad_node_is_found_where_it_is(ellipse, ellipse_plan, column, size):
-    used = limits_at(check(ellipse, unlimited(), ellipse_plan), 2, "XY")
+def test_one_bad_node_is_found_where_it_is(ellipse, ellipse_plan, used_up, column, size):
+    used = used_up["profile"]
     generous = used._replace(jerk=used.jerk * 1.05, tangential_jerk=used.tangential_jerk * 1.05)
     assert check(ellipse, generous, ellipse_plan).ok
     nodes, k = nodes_of(ellipse_plan), 150
@@ -465,9 +472,8 @@ def test_one_bad_node_is_found_where_it_is(ellipse, ellipse_plan, column, size):
         assert nodes[1][k - 1] <= row.u <= nodes[1][k + 1]
 
 
-def test_one_bad_sample_is_found_where_it_is(ellipse, ellipse_plan):
-    samples = sampled(ellipse, ellipse_plan, 1e-3)
-    used = limits_at(check(ellipse, unlimited(), samples), 2, "XY")
+def test_one_bad_sample_is_found_where_it_is(ellipse, ellipse_samples, used_up):
+    samples, used = ellipse_samples, used_up["samples"]
     k, error = 400, 2e-5
     position = samples.position.copy()
     position[k, 1] += error
@@ -582,7 +588,7 @@ def test_stopping_at_a_corner_passes(corner):
 def test_a_corner_passed_at_speed_fails(corner, node_at_corner):
     """At constant feed, with a node at the corner and without."""
     s = np.array([0.0, 50.0, 100.0]) if node_at_corner else np.array([0.0, 20.0, 70.0, 100.0])
-    v = 1e-3
+    v = 20.0
     nodes = (s / v, s / 100.0, np.full(s.size, v / 100.0), np.zeros(s.size))
     report = check(corner, CORNER_LIMITS, profile_on(corner, CORNER_LIMITS, nodes))
     assert {("exact stop", ""), ("velocity step", "X"), ("velocity step", "Y")} <= failing(report)
@@ -660,7 +666,9 @@ def test_curvature_breaks_close_together_add_up():
     limits = unlimited(jerk=[1e6] * 2, period=period)
     profile = profile_on(curve, limits, nodes)
     report = check(curve, limits, profile)
-    t = np.sort(np.concatenate([(np.arange(-6, 7) + k / 200) * period + 8.03 / 20.0 for k in range(200)]).reshape(200, 13))
+    t = np.sort(
+        np.concatenate([(np.arange(-6, 7) + k / 200) * period + 8.03 / 20.0 for k in range(200)]).reshape(200, 13)
+    )
     q = curve.derivatives(profile.at(t).u, 0)[0][..., 1]
     seen = np.abs(np.diff(q, 3, axis=1)).max() / period**3
     single = 0.75 * report.row("acceleration step", "Y").worst / period
@@ -752,7 +760,10 @@ def test_standing_still_on_a_closed_curve_is_not_a_plan(ellipse):
         ("sample times", lambda s: dataclasses.replace(s, t=s.t * (1 + 1e-9))),
         ("path end", lambda s: dataclasses.replace(s, t=s.t[:-1], u=s.u[:-1], position=s.position[:-1])),
         ("path end", lambda s: dataclasses.replace(s, position=s.position + np.where(s.u == 1.0, 1e-12, 0.0)[:, None])),
-        ("path start", lambda s: dataclasses.replace(s, position=s.position + np.where(s.u == 0.0, 1e-12, 0.0)[:, None])),
+        (
+            "path start",
+            lambda s: dataclasses.replace(s, position=s.position + np.where(s.u == 0.0, 1e-12, 0.0)[:, None]),
+        ),
         ("finite values", lambda s: dataclasses.replace(s, u=np.where(np.arange(s.t.size) == 7, np.nan, s.u))),
         ("reversal", lambda s: dataclasses.replace(s, u=np.where(np.arange(s.t.size) == 600, s.u[598], s.u))),
     ],
@@ -797,18 +808,10 @@ def test_five_axes_agree_with_finite_differences():
     """Machine axes against differences of the positions; feed and chord on the tool tip."""
     curve = load_curve("flank")
     u0, u1 = curve.domain
-    knots = curve._candidate_breaks()
-    # A smooth law of time with nodes at the knots: u = u0 + (u1 - u0) w(t), w = t - sin(2 pi t) / (2 pi), 8 s long.
-    grid = np.linspace(0.0, 1.0, 1601)
-
-    def share(x):
-        return x - np.sin(2 * np.pi * x) / (2 * np.pi)
-
-    at_knots = [np.interp((k - u0) / (u1 - u0), share(grid), grid) for k in knots]
-    x = np.union1d(np.linspace(0.0, 1.0, 301), at_knots)
-    x = x[np.append(True, np.diff(x) > 1e-9)]
+    # A smooth law of time, u = u0 + (u1 - u0) w(t / 8 s), w = x - sin(2 pi x) / (2 pi); knots lie between its nodes.
+    x = np.linspace(0.0, 1.0, 301)
     scale, total = u1 - u0, 8.0
-    u = u0 + scale * share(x)
+    u = u0 + scale * (x - np.sin(2 * np.pi * x) / (2 * np.pi))
     u[-1] = u1
     rate = scale * (1.0 - np.cos(2 * np.pi * x)) / total
     nodes = (x * total, u, rate, scale * 2 * np.pi * np.sin(2 * np.pi * x) / total**2)
@@ -823,7 +826,9 @@ def test_five_axes_agree_with_finite_differences():
         brute = np.abs(np.diff(q, order, axis=0)).max(axis=0) / h**order
         for j, axis in enumerate("XYZAC"):
             row = report.row(name, axis)
-            assert row.worst == pytest.approx(brute[j], rel=2e-3)
+            # A difference is an average, here over at most 3 ms: never above the peak, and little below.
+            assert brute[j] <= row.worst * (1 + 1e-6)
+            assert row.worst == pytest.approx(brute[j], rel=1e-2)
             assert row.unit.startswith("rad" if axis in "AC" else "mm")
     tip = curve.tip.derivatives(law.u, 0)[0]
     assert report.row("feed").worst == pytest.approx(np.linalg.norm(np.diff(tip, axis=0), axis=1).max() / h, rel=1e-4)
@@ -834,6 +839,29 @@ def test_five_axes_agree_with_finite_differences():
     for order, name in ((2, "tangential acceleration"), (3, "tangential jerk")):
         brute = np.abs(np.diff(s, order)).max() / h**order
         assert report.row(name).worst == pytest.approx(brute, rel=2e-3)
+
+
+def test_a_rotary_axis_turns_while_the_tip_rests():
+    """A turns by 2 rad with the tip at rest, then X moves 10 mm; an exact stop lies between."""
+    curve = NurbsCurve(
+        [[0.0, 0.0, 0.0], [0.0, 0.0, 2.0], [10.0, 0.0, 2.0]],
+        [0.0, 0.0, 0.5, 1.0, 1.0],
+        1,
+        axes=("X", "Y", "A"),
+        rests_allowed=True,
+    )
+    t, s, v, a = scurve(0.5, 1.0, 8.0, 100.0)
+    nodes = (np.append(t, t + t[-1]), np.append(s, s + 0.5), np.append(v, v), np.append(a, a))
+    limits = Limits(20.0, [20.0, 20.0, 4.0], [160.0, 160.0, 32.0], [2000.0, 2000.0, 400.0], 1e-3)
+    profile = profile_on(curve, limits, nodes)
+    for report in (check(curve, limits, profile), check(curve, limits, sampled(curve, profile, 1e-3))):
+        assert report.ok
+        for axis in "XA":
+            for name in AXIS_LIMITS:
+                assert report.row(name, axis).ratio == pytest.approx(1.0, rel=1e-6)
+        assert report.row("feed").worst == pytest.approx(20.0, rel=1e-6)
+        assert report.row("jerk", "A").unit == "rad/s^3"
+    assert check(curve, limits, profile).row("exact stop").t == pytest.approx(t[-1])
 
 
 # ---- the report ----------------------------------------------------------------------------------------------------
@@ -882,8 +910,6 @@ def test_the_check_knows_nothing_of_the_planner():
 
 
 def test_types_are_what_they_say(line, line_limits, line_plan):
-    assert isinstance(line, Curve)
-    assert isinstance(line_plan, FeedrateProfile)
     for row in check(line, line_limits, line_plan).rows:
         for field in ("worst", "allowed", "ratio", "t", "u", "slack"):
             assert type(getattr(row, field)) is float

@@ -18,10 +18,14 @@ from planner.errors import CurveError, InputError
 from planner.geometry.curve import Curve, FloatArray, Side
 
 _NODES = 16
-# Tail of a panel's series, integrated, against the whole length.
+# Tail of a panel's series: integrated, against the whole length; or by itself, against the mean speed on the panel.
 _TOLERANCE = 1e-14
-_MAX_HALVINGS = 48
-_MAX_PANELS = 4_000_000
+_SERIES_TOLERANCE = 1e-13
+# A tail that two halvings leave as it was is rounding noise of the speed, if it is no larger than this of the mean.
+_STALL = 0.7
+_LARGEST_NOISE = 1e-4
+_PANELS_PER_PIECE = 64
+_FEW_PIECES = 4096
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,27 +61,27 @@ class ArcLength:
         """
         edges = curve.pieces.breaks
         lo, hi = edges[:-1], edges[1:]
+        most = _PANELS_PER_PIECE * max(lo.size, _FEW_PIECES)
+        # Tail of the panel that each was halved from, and whether that one was at the level of noise already.
+        before, at_noise = np.full(lo.size, np.inf), np.zeros(lo.size, dtype=np.bool_)
         done: list[tuple[FloatArray, FloatArray, FloatArray]] = []
         total = 0.0
-        for _ in range(_MAX_HALVINGS):
+        while lo.size:
             half = 0.5 * (hi - lo)
             series = _speed_series(speed, lo, hi)
+            mean, tail = np.abs(series[:, 0]), np.abs(series[:, -3:]).max(axis=1)
             total = total or float(np.sum(2.0 * half * series[:, 0]))
-            tail = np.abs(series[:, -3:]).max(axis=1) * half
-            unresolved = (tail > _TOLERANCE * total) & (tail > 1e-13 * np.abs(series[:, 0]) * half)
-            unresolved &= hi - lo > 8.0 * np.spacing(np.maximum(np.abs(lo), np.abs(hi)))
-            settled = ~unresolved
+            resolved = (tail * half <= _TOLERANCE * total) | (tail <= _SERIES_TOLERANCE * mean)
+            resolved |= hi - lo <= 8.0 * np.spacing(np.maximum(np.abs(lo), np.abs(hi)))
+            stalled = (tail > _STALL * before) & (tail <= _LARGEST_NOISE * mean)
+            settled = resolved | (stalled & at_noise)
             done.append((lo[settled], hi[settled], series[settled]))
-            if not unresolved.any():
-                break
-            mid = 0.5 * (lo + hi)[unresolved]
-            lo, hi = np.concatenate([lo[unresolved], mid]), np.concatenate([mid, hi[unresolved]])
-            if lo.size > _MAX_PANELS:
-                raise CurveError(
-                    f"{name}: arc length needs more than {_MAX_PANELS} panels; the curve is not piecewise smooth"
-                )
-        else:
-            done.append((lo, hi, _speed_series(speed, lo, hi)))
+            rest = ~settled
+            before, at_noise = np.tile(tail[rest], 2), np.tile(stalled[rest], 2)
+            mid = 0.5 * (lo + hi)[rest]
+            lo, hi = np.concatenate([lo[rest], mid]), np.concatenate([mid, hi[rest]])
+            if lo.size > most:
+                raise CurveError(f"{name}: arc length needs more than {most} panels; the curve is not piecewise smooth")
         return cls._assemble(done)
 
     @classmethod

@@ -394,8 +394,8 @@ def require_regular(curve: Curve) -> None:
     worst = min((item for item in slow if item is not None), default=None)
     if worst is not None:
         raise CurveError(
-            f"{curve.name}: |C'| = {worst[0]:.3g} at u = {worst[1]:.9g} is a cusp; a curve must have a tangent "
-            "everywhere: split it there, or remove repeated control points"
+            f"{curve.name}: |C'| = {worst[0]:.3g} at u = {worst[1]:.9g} is a cusp or a rest; a curve must have a "
+            "tangent everywhere: split it there, or remove repeated control points"
         )
 
 

@@ -10,6 +10,7 @@ from math import comb
 
 import numpy as np
 from numpy.polynomial import chebyshev
+from numpy.typing import NDArray
 
 from planner.errors import CurveError
 from planner.geometry.curve import Curve, FloatArray, Pieces, require_finite
@@ -18,8 +19,13 @@ _DEGREE = 9  # balances the number of pieces against the cost of a step
 _TOLERANCE = 1e-13  # of the extent: 1e-11 mm on 100 mm
 _ANGLE = 1.0  # rad; extents of the rotary axes count as this at least
 _SCAN_POINTS = 400
+_LARGEST_BLUR = 1e-9  # of the extent
 # A corner hidden in a formula leaves an error of about a twentieth of the piece, which is seen at this depth.
 _MAX_HALVINGS = 34
+# An error that shrinks less than this on halving, and is no larger than this many tolerances, may be rounding.
+_STALL = 0.3
+_LARGEST_NOISE = 1e5
+_SLOPE_TOLERANCE = 1e-4
 _MAX_PIECES = 50_000
 
 _NODES = 0.5 - 0.5 * np.cos(np.pi * np.arange(_DEGREE + 1) / _DEGREE)
@@ -29,7 +35,8 @@ def fit_pieces(curve: Curve) -> Pieces:
     """Fit polynomial pieces of degree 9 to 1e-13 of the curve's extent.
 
     The extent is that of the linear axes together, and of the rotary ones together.  Added is what rounding makes of
-    the position, and of the parameter at the speed of the curve: no evaluation can tell closer.
+    the position, and of the parameter at the speed of the curve.  Where the evaluation itself is noisier, as near a
+    vertical tool axis, a piece is accepted with that noise.
 
     Raises
     ------
@@ -44,18 +51,23 @@ def fit_pieces(curve: Curve) -> Pieces:
     settled = 0
     # A feature between the probes would be missed: the first, wide pieces are probed closely.
     probes = _SCAN_POINTS // lo.size
+    before = np.full(lo.size, np.inf)  # error of the piece that each was halved from
     for _ in range(_MAX_HALVINGS):
         power, error = _interpolate(curve, lo, hi, max(probes, 2 * _DEGREE))
-        good = (error <= tolerance).all(axis=1)
+        excess = np.nan_to_num(error / tolerance, nan=np.inf)
+        largest = excess.max(axis=1)
+        good = largest <= 1.0
+        stalled = np.flatnonzero(~good & (largest > _STALL * before) & (largest <= _LARGEST_NOISE))
+        good[stalled] = _derivatives_agree(curve, lo[stalled], hi[stalled], power[stalled], excess[stalled] > 1.0)
         done.append((lo[good], power[good]))
         settled += int(np.count_nonzero(good))
-        lo, hi = lo[~good], hi[~good]
+        lo, hi, before = lo[~good], hi[~good], np.tile(largest[~good], 2)
         if lo.size == 0:
             return _join(done, u1)
         if settled + 2 * lo.size > _MAX_PIECES:
             raise CurveError(
-                f"{curve.name}: more than {_MAX_PIECES} polynomial pieces are needed; the curve oscillates too fast, "
-                "or rounding hides its shape"
+                f"{curve.name}: more than {_MAX_PIECES} polynomial pieces are needed, most near u = {lo[0]:.9g}; "
+                "the curve oscillates too fast, has a pole, or rounding hides its shape"
             )
         mid = 0.5 * (lo + hi)
         lo, hi = np.concatenate([lo, mid]), np.concatenate([mid, hi])
@@ -66,6 +78,21 @@ def fit_pieces(curve: Curve) -> Pieces:
     )
 
 
+def _derivatives_agree(
+    curve: Curve, lo: FloatArray, hi: FloatArray, power: FloatArray, where: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Tell rounding from a corner: whether the pieces have the curve's first derivatives in the coordinates ``where``.
+
+    An error that halving leaves as it was is one or the other.
+    """
+    width = (hi - lo)[:, None]
+    exact = curve.derivatives(np.minimum(lo[:, None] + width * _NODES, hi[:, None]), 1)[1]
+    slopes = np.arange(1, _DEGREE + 1) * _NODES[:, None] ** np.arange(_DEGREE)
+    fitted = np.einsum("pi,nid->npd", slopes, power[:, 1:]) / width[:, :, None]
+    apart = np.abs(fitted - exact).max(axis=1)
+    return np.asarray((~where | (apart <= _SLOPE_TOLERANCE * np.abs(exact).max(axis=1))).all(axis=1))
+
+
 def _tolerances(curve: Curve) -> FloatArray:
     """Largest error allowed in each coordinate, (dim,)."""
     u = np.linspace(*curve.domain, _SCAN_POINTS)
@@ -73,8 +100,14 @@ def _tolerances(curve: Curve) -> FloatArray:
     require_finite(curve, u, scan)
     linear = np.array([unit == "mm" for unit in curve.axis_units])
     eps = np.finfo(np.float64).eps
-    rounding = 8.0 * eps * np.abs(scan[0]).max(axis=0) + 2.0 * np.spacing(np.abs(u).max()) * np.abs(scan[1]).max(axis=0)
     extent = np.ptp(scan[0], axis=0)
+    blur = 2.0 * np.spacing(np.abs(u).max()) * np.abs(scan[1]).max(axis=0)
+    if (blur > _LARGEST_BLUR * extent.max()).any():
+        raise CurveError(
+            f"{curve.name}: the digits of u do not suffice: near |u| = {np.abs(u).max():.3g} its rounding moves the "
+            f"point by {blur.max():.3g}; shift the parameter towards 0, or let the curve change more slowly with it"
+        )
+    rounding = 8.0 * eps * np.abs(scan[0]).max(axis=0) + blur
     common = np.where(linear, np.max(extent * linear), max(float(np.max(extent * ~linear)), _ANGLE))
     noise = np.where(linear, np.max(rounding * linear), np.max(rounding * ~linear))
     return np.asarray(_TOLERANCE * common + noise)

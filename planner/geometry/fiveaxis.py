@@ -55,17 +55,16 @@ class DualSplineCurve(Curve):
     def _require_tool_axis(self) -> None:
         """Raise CurveError where bottom and top meet, or C is undefined because the tool axis is vertical."""
         u, splines = self._scan
-        across = np.sqrt(np.sum((splines[1] - splines[0])[:, :2] ** 2, axis=-1))
+        across = np.hypot(*(splines[1] - splines[0]).T[:2])
         low = 1 + np.flatnonzero((across[1:-1] <= across[:-2]) & (across[1:-1] <= across[2:]))
 
-        def across2(at: FloatArray) -> FloatArray:
-            axis = self.top.derivatives(at, 0)[0] - self.bottom.derivatives(at, 0)[0]
-            return np.asarray(np.sum(axis[:, :2] ** 2, axis=-1))
+        def tool_axis(at: FloatArray) -> FloatArray:
+            return np.asarray(self.top.derivatives(at, 0)[0] - self.bottom.derivatives(at, 0)[0])
 
-        refined, _ = golden_minimum(across2, u[low - 1], u[low + 1])
+        refined, _ = golden_minimum(lambda at: np.hypot(*tool_axis(at).T[:2]), u[low - 1], u[low + 1])
         at = np.concatenate([u, refined])
-        axis = self.top.derivatives(at, 0)[0] - self.bottom.derivatives(at, 0)[0]
-        length = np.sqrt(np.sum(axis**2, axis=-1))
+        axis = tool_axis(at)
+        length = np.hypot(np.hypot(axis[:, 0], axis[:, 1]), axis[:, 2])
         shortest = int(np.argmin(length))
         if length[shortest] <= _POLE_TOLERANCE * length.max():
             raise CurveError(f"{self.name}: bottom and top meet at u = {at[shortest]:.9g}; there is no tool axis there")

@@ -19,7 +19,7 @@ import numpy as np
 from planner.errors import CurveError
 from planner.geometry.curve import ROTARY_AXES, Curve, FloatArray, Pieces, Side, axis_names, require_regular
 from planner.geometry.fit import fit_pieces
-from planner.geometry.inputs import shorten
+from planner.geometry.inputs import numbers, shorten
 from planner.geometry.tape import Tape
 
 # Number of arguments.  Smooth functions only: a curve with |u| or sign(u) in it would hide its breaks.
@@ -69,19 +69,16 @@ class FormulaCurve(Curve):
     name: str = "formula"
 
     def __post_init__(self) -> None:
-        try:
-            u0, u1 = (float(end) for end in self.domain)
-        except (TypeError, ValueError):
-            raise CurveError(f"{self.name}: u_range = {self.domain!r} must be two numbers") from None
-        if not (np.isfinite(u0) and np.isfinite(u1) and u0 < u1):
-            raise CurveError(f"{self.name}: u_range = [{u0!r}, {u1!r}] must be two increasing finite numbers")
+        ends = numbers(self.domain, f"{self.name}: u_range", CurveError)
+        if ends.shape != (2,) or not np.isfinite(ends).all() or ends[0] >= ends[1]:
+            raise CurveError(f"{self.name}: u_range = {ends.tolist()} must be two increasing finite numbers")
         if not 2 <= len(self.expressions) <= 6:
             raise CurveError(
                 f"{self.name}: {len(self.expressions)} expressions; there must be 2 to 6, one for each axis"
             )
         axis_names(tuple(self.expressions), len(self.expressions), self.name)
         # One spelling of the numbers, so that equal curves have equal fingerprints.
-        object.__setattr__(self, "domain", (u0, u1))
+        object.__setattr__(self, "domain", tuple(ends.tolist()))
         object.__setattr__(self, "scale", float(self.scale))
         object.__setattr__(self, "expressions", dict(self.expressions))
         require_regular(self)
@@ -137,7 +134,9 @@ def parse_expression(text: str, names: Mapping[str, Any], where: str) -> Any:
         raise CurveError(f"{where} = {shorten(repr(text))} must be an expression in quotation marks")
     if len(text) > _MAX_EXPRESSION:
         raise CurveError(f"{where} has {len(text)} characters; an expression may have {_MAX_EXPRESSION}")
-    source = text.strip()
+    source = " ".join(text.split())  # on one line, as TOML may break it
+    if "#" in source:
+        raise CurveError(f'{where} = "{shorten(text)}" must not contain a comment')
     try:
         return _Reader(source, names, where).value(ast.parse(source, mode="eval").body)
     except CurveError:
@@ -145,7 +144,8 @@ def parse_expression(text: str, names: Mapping[str, Any], where: str) -> Any:
     except (RecursionError, MemoryError):
         raise CurveError(f'{where} = "{shorten(text)}" is nested too deeply for an expression') from None
     except (SyntaxError, ValueError, OverflowError) as error:
-        raise CurveError(f'{where} = "{shorten(text)}" is not an expression ({error})') from None
+        reason = error.msg if isinstance(error, SyntaxError) else str(error)
+        raise CurveError(f'{where} = "{shorten(text)}" is not an expression ({shorten(reason)})') from None
 
 
 def parse_constant(value: Any, where: str) -> float:

@@ -57,22 +57,27 @@ def numbers(values: ArrayLike, what: str, error: type[InputError]) -> NDArray[np
         if raw.dtype == object:
             odd = [x for x in raw.flat if isinstance(x, bool | np.bool_) or not isinstance(x, int | float | np.number)]
             if odd:
-                raise TypeError(f"{shorten(repr(odd[0]))} is not a number")
+                ragged = isinstance(odd[0], list | tuple)
+                raise TypeError("rows differ in length" if ragged else f"{shorten(repr(odd[0]))} is not a number")
         elif raw.dtype.kind not in "iuf":
             raise TypeError(f"values of type {raw.dtype} are not numbers")
         return raw.astype(np.float64)
     except (TypeError, ValueError, OverflowError) as problem:
-        raise error(f"{what} must be an array of numbers, rows of one length each ({problem})") from None
+        raise error(f"{what} must be an array of numbers ({problem})") from None
 
 
-def positive_number(value: Any, what: str) -> float:
-    """Check one number > 0; inf passes."""
-    number = numbers(value, what, InputError) if np.ndim(value) == 0 else np.array(np.nan)
+def positive_number(value: Any, what: str, hint: str = "") -> float:
+    """Check one number > 0; inf passes.  The hint ends the message."""
+    try:
+        number = float(value) if isinstance(value, int | float | np.number) and not isinstance(value, bool) else np.nan
+    except (TypeError, OverflowError):
+        number = np.nan
     if not number > 0.0:
-        raise InputError(f"{what} = {shorten(repr(value))} must be a number > 0")
-    return float(number)
+        raise InputError(f"{what} = {shorten(repr(value))} must be a number > 0{hint}")
+    return number
 
 
 def shorten(text: str) -> str:
-    """Cut a quotation that would fill the screen."""
+    """Cut a quotation that would fill the screen, and spell out what cannot be printed."""
+    text = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text[: _MAX_QUOTATION + 1])
     return text if len(text) <= _MAX_QUOTATION else text[: _MAX_QUOTATION - 3] + "..."

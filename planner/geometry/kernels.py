@@ -10,7 +10,8 @@ denominator is not looked at.
 *Panels* (m of them): ``edges (m+1,)`` in u, ``lengths (m+1,)`` accumulated, and per panel the Chebyshev series of the
 length since the panel's left edge.
 
-Signatures are explicit and the machine code is cached, so only the very first import compiles.
+Signatures are explicit and the machine code is cached, so only the very first import compiles.  Divisions follow numpy:
+a denominator that underflows to 0 gives inf or nan, which the curve's own validation finds.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ WRITE1, WRITE2, WRITE3 = (types.Array(F64, n, "C") for n in (1, 2, 3))
 _MAX_INVERSION_PASSES = 100
 
 
-@njit(F64(READ1, F64), cache=True)
+@njit(F64(READ1, F64), cache=True, error_model="numpy")
 def _clenshaw(series, x):
     b1 = b2 = 0.0
     for k in range(series.size - 1, 0, -1):
@@ -35,7 +36,7 @@ def _clenshaw(series, x):
     return series[0] + x * b1 - b2
 
 
-@njit(NOTHING(READ1, I64, F64, F64, WRITE1), cache=True)
+@njit(NOTHING(READ1, I64, F64, F64, WRITE1), cache=True, error_model="numpy")
 def _horner(poly, degree, w, scale, out):
     """Value and first three derivatives with respect to u (dw/du = scale) of one polynomial."""
     b0 = poly[degree]
@@ -51,7 +52,7 @@ def _horner(poly, degree, w, scale, out):
     out[3] = 6.0 * b3 * scale * scale * scale
 
 
-@njit(I64(READ1, F64, FLAG, I64), cache=True)
+@njit(I64(READ1, F64, FLAG, I64), cache=True, error_model="numpy")
 def find_piece(breaks, u, left, guess):
     """Index i with breaks[i] <= u < breaks[i+1] (left: breaks[i] < u <= breaks[i+1]), trying ``guess`` first."""
     last = breaks.size - 2
@@ -71,7 +72,7 @@ def find_piece(breaks, u, left, guess):
     return lo
 
 
-@njit(NOTHING(READ1, READ3, FLAG, READ1, FLAG, I64, WRITE3), cache=True)
+@njit(NOTHING(READ1, READ3, FLAG, READ1, FLAG, I64, WRITE3), cache=True, error_model="numpy")
 def evaluate_pieces(breaks, coefficients, rational, u, left, order, out):
     """Write the derivatives 0..order of the curve at every u into ``out (order+1, n, d)``.
 
@@ -101,7 +102,7 @@ def evaluate_pieces(breaks, coefficients, rational, u, left, order, out):
                 out[k, n, j] = num[k]
 
 
-@njit(NOTHING(READ1, READ1, READ2, READ1, WRITE1), cache=True)
+@njit(NOTHING(READ1, READ1, READ2, READ1, WRITE1), cache=True, error_model="numpy")
 def panel_length(edges, lengths, series, u, out):
     """Write the arc length at every u into ``out``: Clenshaw on the panel's series, exact at the edges."""
     panel = 0
@@ -116,7 +117,7 @@ def panel_length(edges, lengths, series, u, out):
             out[n] = min(max(lengths[panel] + _clenshaw(series[panel], x), lengths[panel]), lengths[panel + 1])
 
 
-@njit(NOTHING(READ1, READ1, READ2, READ2, READ1, FLAG, WRITE1), cache=True)
+@njit(NOTHING(READ1, READ1, READ2, READ2, READ1, FLAG, WRITE1), cache=True, error_model="numpy")
 def panel_inverse(edges, lengths, series, speeds, s, left, out):
     """Write the parameter at every arc length s into ``out``.
 

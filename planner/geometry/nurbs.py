@@ -16,9 +16,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from planner.errors import CurveError
 from planner.geometry.curve import DEFAULT_AXES, Curve, FloatArray, Pieces, Side, axis_names, require_regular
-from planner.geometry.inputs import numbers
+from planner.geometry.inputs import numbers, shorten
 
-MAX_DEGREE = 60  # a bound on the work; the digits would last longer
+MAX_DEGREE = 100  # a bound on the work; the digits would last longer
+# Sum of a denominator's coefficients against its value: loses 3 of 16 digits.
+_LARGEST_CANCELLATION = 1e3
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,33 +111,48 @@ class NurbsCurve(Curve):
     def pieces(self) -> Pieces:
         """The curve as power-basis pieces, exact but for rounding.
 
-        On a piece that starts at a, the k-th derivative at a is a B-spline of the k-times differenced control points,
-        so each coefficient costs one de Boor evaluation; none is differenced from nearby numbers.
-
-        Up to degree 4 a piece is a span.  From there a span is split into m = (p - 1) // 2 pieces: the powers of w sum
-        up to (1 + 2/m)^p times the control points, and rounding with them; this way the factor stays below 82.
+        Rounding grows with the sum of a piece's coefficients against its value, so spans are split where that is large.
+        A polynomial of degree p on 1/m of its span has coefficients up to (1 + 2/m)^p times the control points:
+        m = (p - 1) // 2 keeps the factor below 82.  Denominators that fall from large to small weights within a span
+        are halved until they no longer cancel.
         """
-        p = self.degree
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             homogeneous = np.column_stack([self.control_points * self.weights[:, None], self.weights])
-            breaks = _subdivide(self._spans, max(1, (p - 1) // 2))
-            width = np.diff(breaks)
-            span = np.searchsorted(self.knots, breaks[:-1], side="right") - 1
-            coefficients = np.empty((span.size, homogeneous.shape[1], p + 1))
-            differenced = homogeneous[span[:, None] + np.arange(-p, 1)]  # the p + 1 control points that act on a span
-            for k in range(p + 1):
-                coefficients[:, :, k] = self._de_boor(differenced, span, breaks[:-1])
-                if k < p:  # control points of the next derivative; width / (k + 1) makes Taylor coefficients of them
-                    index = span[:, None] + np.arange(k - p + 1, 1)
-                    gap = self.knots[index + p - k] - self.knots[index]
-                    factor = (p - k) / (k + 1) * width[:, None] / gap
-                    differenced = factor[..., None] * np.diff(differenced, axis=1)
-        rational = bool(np.any(self.weights != self.weights[0]))
+            breaks = _subdivide(self._spans, max(1, (self.degree - 1) // 2))
+            rational = bool(np.any(self.weights != self.weights[0]))
+            while rational:
+                denominator = self._taylor(homogeneous[:, -1:], breaks)[:, 0]
+                least = np.minimum(denominator[:, 0], denominator.sum(axis=1))
+                cancels = np.abs(denominator).sum(axis=1) > _LARGEST_CANCELLATION * least
+                cancels &= np.diff(breaks) > 64.0 * np.spacing(np.abs(breaks).max())
+                if not cancels.any():
+                    break
+                breaks = np.sort(np.append(breaks, 0.5 * (breaks[:-1] + breaks[1:])[cancels]))
+            coefficients = self._taylor(homogeneous, breaks)
         if not rational:
             coefficients /= self.weights[0]
             coefficients[:, -1] = 0.0
             coefficients[:, -1, 0] = 1.0
         return Pieces(breaks, coefficients, rational)
+
+    def _taylor(self, points: FloatArray, breaks: FloatArray) -> FloatArray:
+        """Taylor coefficients (m, columns, degree + 1) at the start of each piece, in units of its width.
+
+        The k-th derivative there is a B-spline of the k-times differenced control points, so that each coefficient
+        costs one de Boor evaluation and none is differenced from nearby numbers.
+        """
+        p = self.degree
+        span = np.searchsorted(self.knots, breaks[:-1], side="right") - 1
+        width = np.diff(breaks)[:, None]
+        coefficients = np.empty((span.size, points.shape[1], p + 1))
+        differenced = points[span[:, None] + np.arange(-p, 1)]  # the p + 1 control points that act on a span
+        for k in range(p + 1):
+            coefficients[:, :, k] = self._de_boor(differenced, span, breaks[:-1])
+            if k < p:
+                index = span[:, None] + np.arange(k - p + 1, 1)
+                gap = self.knots[index + p - k] - self.knots[index]
+                differenced = ((p - k) / (k + 1) * width / gap)[..., None] * np.diff(differenced, axis=1)
+        return coefficients
 
     def _de_boor(self, points: FloatArray, span: NDArray[np.intp], at: FloatArray) -> FloatArray:
         """De Boor's triangle at a parameter of each span: (m, r + 1, dim) control points of degree r to (m, dim)."""
@@ -179,7 +196,7 @@ def _finite(values: ArrayLike, what: str, name: str) -> FloatArray:
 def _validate(points: FloatArray, knots: FloatArray, degree: int, weights: FloatArray, name: str) -> None:
     count = points.shape[0]
     if isinstance(degree, bool) or not isinstance(degree, int | np.integer) or not 1 <= degree <= MAX_DEGREE:
-        raise CurveError(f"{name}: degree = {degree!r} must be an integer from 1 to {MAX_DEGREE}")
+        raise CurveError(f"{name}: degree = {shorten(repr(degree))} must be an integer from 1 to {MAX_DEGREE}")
     if count < degree + 1:
         raise CurveError(f"{name}: {count} control points are too few; degree {degree} needs at least {degree + 1}")
     if knots.shape != (count + degree + 1,):

@@ -54,19 +54,19 @@ class Tape:
         function = casadi.Function("tape", [inputs], dense, {"cse": True})
         operations = _operations()
         count = function.n_instructions()
-        fixed = [k for k in range(count) if function.instruction_id(k) == casadi.OP_CONST]
+        codes = [function.instruction_id(k) for k in range(count)]
+        fixed = [k for k in range(count) if codes[k] == casadi.OP_CONST]
         constants = tuple(float(function.instruction_constant(k)) for k in fixed)
         registers, height, rows = int(function.sz_w()), int(inputs.numel()), int(outputs[0].numel())
-        first_constant = registers + height
-        first_output = first_constant + len(constants)
+        first_output = registers + height + len(constants)
+        constant_slot = {k: registers + height + i for i, k in enumerate(fixed)}
         slot = list(range(registers))  # where the value of each register is found
         steps: list[tuple[Callable[..., Any], tuple[int, ...], int]] = []
         ends = [0] * len(outputs)
-        for k in range(count):
-            code, source = function.instruction_id(k), function.instruction_input(k)
-            target = function.instruction_output(k)
+        for k, code in enumerate(codes):
+            source, target = function.instruction_input(k), function.instruction_output(k)
             if code == casadi.OP_CONST:
-                slot[target[0]] = first_constant + fixed.index(k)
+                slot[target[0]] = constant_slot[k]
             elif code == casadi.OP_INPUT:
                 slot[target[0]] = registers + source[1]
             elif code == casadi.OP_OUTPUT:
@@ -132,6 +132,8 @@ def _operations() -> dict[int, Callable[..., Any]]:
         casadi.OP_POW: np.power,
         casadi.OP_CONSTPOW: np.power,
         casadi.OP_SQRT: np.sqrt,
+        casadi.OP_FABS: np.abs,  # what CasADi makes of sqrt(x**2)
+        casadi.OP_SIGN: np.sign,
         casadi.OP_EXP: np.exp,
         casadi.OP_LOG: np.log,
         casadi.OP_SIN: np.sin,

@@ -316,72 +316,105 @@ def solve(h, gains, root, gradient, first, last, fixed_start, feed_forward, step
     step[0, end], step[1, end], step[2, end] = x, a, c
 
 
-@njit(
-    F64(READ3, FLAGS, READ2, READ3, READ3, READ1, READ1, WRITE2, WRITE1, WRITE1),
-    cache=True,
-    error_model="numpy",
-)
-def repair(rows, jerk, z, slack, dual, weight, h, gradient, load, root):
-    """Make the multipliers exactly dual feasible; returns sum(s l) of the repaired ones.
-
-    ``gradient`` receives the Lagrangian's gradient, ``load`` the sum of each point's jerk multipliers, ``root`` what is
-    left of the gradient at the first knot.  See ``optimal.py``, section "The bound".
-    """
-    points = z.shape[1]
-    cost = 0.0
-    for p in range(points):
-        load[p] = 0.0
-        gradient[1, p] = gradient[2, p] = 0.0
-        base = 1.0 / np.sqrt(z[0, p])
-        slope = -0.5 * base / z[0, p]
-        gradient[0, p] = weight[p] * slope
+@njit(NOTHING(READ3, FLAGS, READ2, READ3, READ1, WRITE2), cache=True, error_model="numpy")
+def lagrangian(rows, jerk, z, dual, weight, gradient):
+    """Gradient of the Lagrangian at every point."""
+    for p in range(z.shape[1]):
+        slope = -0.5 / (z[0, p] * np.sqrt(z[0, p]))
+        gx, ga, gc = weight[p] * slope, 0.0, 0.0
         for r in range(rows.shape[0]):
-            l1, l2 = dual[r, 0, p], dual[r, 1, p]
-            cost += l1 * slack[r, 0, p] + l2 * slack[r, 1, p]
-            for k in range(3):
-                gradient[k, p] += (l1 - l2) * rows[r, k, p]
+            pull = dual[r, 0, p] - dual[r, 1, p]
+            gx += pull * rows[r, 0, p]
+            ga += pull * rows[r, 1, p]
+            gc += pull * rows[r, 2, p]
             if jerk[r]:
-                load[p] += l1 + l2
-                gradient[0, p] -= (l1 + l2) * slope
-    end = points - 1
-    px, pa, pc = gradient[0, end], gradient[1, end], gradient[2, end]
-    for k in range(h.size - 1, -1, -1):
-        d = h[k]
-        m, j, i = 2 * k + 1, 2 * k + 2, 2 * k
-        t1, t2 = d * d / 3.0, 0.5 * d
-        m1, m2, m3 = d * d / 24.0, 0.125 * d, 0.5
-        if True:
-            lv = t1 * px + t2 * pa + pc + m1 * gradient[0, m] + m2 * gradient[1, m] + m3 * gradient[2, m]
-            best, row, at, effect = np.inf, -1, -1, 0.0
-            for r in range(rows.shape[0]):
-                if jerk[r]:
-                    e = rows[r, 0, j] * t1 + rows[r, 1, j] * t2 + rows[r, 2, j]
-                    price = max(slack[r, 0, j], slack[r, 1, j]) / abs(e)
-                    if price < best:
-                        best, row, at, effect = price, r, j, e
-                    e = rows[r, 0, m] * m1 + rows[r, 1, m] * m2 + rows[r, 2, m] * m3
-                    price = max(slack[r, 0, m], slack[r, 1, m]) / abs(e)
-                    if price < best:
-                        best, row, at, effect = price, r, m, e
-            if row >= 0:
-                # A multiplier moves its bound's slope too; its sign is chosen so that the multiplier grows.
-                bend = 0.5 / (z[0, at] * np.sqrt(z[0, at])) * (t1 if at == j else m1)
-                grow = -lv / (effect + bend) if -lv / effect > 0.0 else lv / (-effect + bend)
-                sign = 1.0 if -lv / effect > 0.0 else -1.0
-                load[at] += grow
-                cost += grow * slack[row, 0 if sign > 0.0 else 1, at]
-                gx = grow * (sign * rows[row, 0, at] + 0.5 / (z[0, at] * np.sqrt(z[0, at])))
-                ga, gc = grow * sign * rows[row, 1, at], grow * sign * rows[row, 2, at]
-                if at == j:
-                    px, pa, pc = px + gx, pa + ga, pc + gc
+                gx -= (dual[r, 0, p] + dual[r, 1, p]) * slope
+        gradient[0, p], gradient[1, p], gradient[2, p] = gx, ga, gc
+
+
+@njit(NOTHING(READ3, FLAGS, READ2, READ3, WRITE3, READ2), cache=True, error_model="numpy")
+def shift_duals(rows, jerk, z, slack, dual, step):
+    """Add to every multiplier l / s times the change of its constraint over the step."""
+    for p in range(z.shape[1]):
+        slope = -0.5 / (z[0, p] * np.sqrt(z[0, p])) * step[0, p]
+        for r in range(rows.shape[0]):
+            dy = rows[r, 0, p] * step[0, p] + rows[r, 1, p] * step[1, p] + rows[r, 2, p] * step[2, p]
+            db = slope if jerk[r] else 0.0
+            dual[r, 0, p] += dual[r, 0, p] / slack[r, 0, p] * (dy - db)
+            dual[r, 1, p] += dual[r, 1, p] / slack[r, 1, p] * (-dy - db)
+
+
+@njit(NOTHING(FLAGS, READ1, FLAGS, WRITE3), cache=True, error_model="numpy")
+def spread_duals(jerk, h, where, dual):
+    """Move half of every jerk multiplier at the marked points to its neighbours, keeping its first moment."""
+    points = dual.shape[2]
+    moved = np.empty(points)
+    for r in range(dual.shape[0]):
+        if not jerk[r]:
+            continue
+        for side in range(2):
+            for p in range(points):
+                moved[p] = 0.0
+            for p in range(1, points - 1):
+                if where[p]:
+                    # the two neighbours lie half an interval away: that of the midpoint, or those around the knot
+                    before, after = 0.5 * h[(p - 1) // 2], 0.5 * h[p // 2]
+                    if before + after > 0.0 and h[(p - 1) // 2] > 0.0 and h[p // 2] > 0.0:
+                        part = 0.5 * dual[r, side, p]
+                        moved[p] -= part
+                        moved[p - 1] += part * after / (before + after)
+                        moved[p + 1] += part * before / (before + after)
+            for p in range(points):
+                dual[r, side, p] += moved[p]
+
+
+@njit(types.UniTuple(F64, 2)(READ3, I64, F64, F64, F64), cache=True, error_model="numpy")
+def _control_range(rows, k, h, x, ceiling):
+    """Range of sigma_ddot on interval k that starts at x: rows at both of its knots, and 0 <= next x <= ceiling."""
+    low, high = -x / (2.0 * h), (ceiling - x) / (2.0 * h)
+    for r in range(rows.shape[0]):
+        for at, growth in ((2 * k, 0.0), (2 * k + 2, 2.0 * h)):
+            alpha, beta = rows[r, 0, at], rows[r, 1, at] + growth * rows[r, 0, at]
+            if beta != 0.0:
+                one, two = (1.0 - alpha * x) / beta, (-1.0 - alpha * x) / beta
+                low, high = max(low, min(one, two)), min(high, max(one, two))
+    return low, high
+
+
+@njit(NOTHING(READ1, READ1, READ3, F64, F64, WRITE1), cache=True, error_model="numpy")
+def fastest_without_jerk(h, cap, rows, first, last, x):
+    """Write the largest x at every knot that caps and acceleration rows (m, 2, p) allow, between the end values.
+
+    Backward, the largest x from which the end can still be reached; forward, the largest of those that can be reached.
+    x is linear on an interval.  The range of controls shrinks as a concave function of x, so the backward step is a
+    Newton iteration from above with the control range as its function (Pham and Pham, TOPP-RA, IEEE T-RO 34 (2018)).
+    """
+    n = h.size
+    x[n] = last
+    for k in range(n - 1, -1, -1):
+        top = cap[2 * k]
+        for r in range(rows.shape[0]):
+            if rows[r, 1, 2 * k] == 0.0 and rows[r, 0, 2 * k] != 0.0:
+                top = min(top, 1.0 / abs(rows[r, 0, 2 * k]))
+        if h[k] == 0.0:
+            x[k] = min(top, x[k + 1])
+            continue
+        below, above = 0.0, top
+        low, high = _control_range(rows, k, h[k], top, x[k + 1])
+        if low > high:
+            for _ in range(60):  # bisection: monotone, and indifferent to which row is active
+                middle = 0.5 * (below + above)
+                low, high = _control_range(rows, k, h[k], middle, x[k + 1])
+                if low > high:
+                    above = middle
                 else:
-                    gradient[0, m] += gx
-                    gradient[1, m] += ga
-                    gradient[2, m] += gc
-        mx, ma, mc = gradient[0, m], gradient[1, m], gradient[2, m]
-        lx = px + mx + gradient[0, i]
-        la = 2.0 * d * px + pa + d * mx + ma + gradient[1, i]
-        lc = 2.0 / 3.0 * d * d * px + t2 * pa + 5.0 / 24.0 * d * d * mx + 0.375 * d * ma + 0.5 * mc + gradient[2, i]
-        px, pa, pc = lx, la, lc
-    root[0], root[1], root[2] = px, pa, pc
-    return cost
+                    below = middle
+            top = below
+        x[k] = top
+    x[0] = min(x[0], first)
+    for k in range(n):
+        if h[k] > 0.0:
+            _, high = _control_range(rows, k, h[k], x[k], x[k + 1])
+            x[k + 1] = max(min(x[k + 1], x[k] + 2.0 * h[k] * high), 0.0)
+        else:
+            x[k + 1] = min(x[k + 1], x[k])

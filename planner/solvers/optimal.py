@@ -59,6 +59,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planner.constraints import Constraints
 from planner.errors import SolverError
@@ -70,6 +71,9 @@ _FEASIBLE = 1e-9
 _HOPE = 2.0  # weight of the hoped-for gain in the centring
 _START_INSIDE = 0.9  # a start is scaled to use at most this share of every limit
 _LARGEST_FALL = 0.9
+_REPAIRS = 4
+_SPREADS = 4
+_POLISHES = 2  # Newton steps on the multipliers alone; the second removes the rounding of the first
 _NO_CAP = 1e300
 
 
@@ -305,27 +309,64 @@ def _lower_bound(it: _Iterate) -> tuple[float, bool]:
     """The bound of the module's text, and whether the iterate is proven globally optimal."""
     from planner.solvers import kernels
 
-    if it.ends or not it.free_start:
-        return np.nan, False
-    load, root = np.empty(it.weight.size), np.empty(3)
-    cost = kernels.repair(
-        it.rows, it.jerk, it.z, it.slack, it.dual, it.weight, it.h, it.gradient, load, root
-    )
-    # The first knot's own state is not reached by any control; its part of the gradient is bounded by its size.
-    cost += float(np.abs(root * it.z[:, 0]).sum())
-    merged = it.weight - load
-    double = np.flatnonzero(it.h == 0.0)
-    for k in double:  # coincident points share x
+    without_jerk = acceleration_bound(it.problem)
+    dual = it.dual.copy()
+    state = (it.rows, it.jerk, it.z, it.slack)
+    nothing = np.zeros_like(it.weight)
+    concave = np.zeros(nothing.size, dtype=bool)
+    for _ in range(_REPAIRS):
+        for _ in range(_SPREADS if concave.any() else 0):
+            kernels.spread_duals(it.jerk, it.h, _widen(concave), dual)
+            concave = _curvature(it, dual) < 0.0
+        kernels.condense(*state, dual, it.product, nothing, 0.0, 0.0, True, True, it.hessian, it.gradient)
+        if kernels.factor(it.h, it.hessian, it.gains, it.root) <= 0.0:
+            return without_jerk, False
+        _prepare_ends(it)
+        for _ in range(_POLISHES):
+            kernels.lagrangian(it.rows, it.jerk, it.z, dual, it.weight, it.gradient)
+            _newton(it, it.step)
+            kernels.shift_duals(*state, dual, it.step)
+        concave = _curvature(it, dual) < 0.0
+        if not concave.any():
+            break
+    # T >= L for multipliers >= 0 only; one that came out below costs at most twice its bound.
+    bound, _ = it.bound_and_value()
+    negative = np.maximum(-dual, 0.0).sum(axis=1)
+    cost = float(np.sum(dual * it.slack)) + float(np.sum(2.0 * negative * bound))
+    is_global = not concave.any()
+    return max(without_jerk, it.time - cost if is_global else 0.0), is_global
+
+
+def acceleration_bound(problem: Constraints) -> float:
+    """Time of the fastest plan without a jerk limit on the same knots: no plan with one is faster."""
+    from planner.solvers import kernels
+
+    n = problem.h.size + 1
+    largest = 1e6 * float(problem.guess.max())
+    x = np.empty(n)
+    first, last = (largest if np.isnan(value) else value for value in (problem.start, problem.end))
+    cap = np.minimum(problem.cap, largest)
+    kernels.fastest_without_jerk(problem.h, cap, problem.acceleration, first, min(last, cap[-1]), x)
+    root = np.sqrt(x)
+    return float(np.sum(2.0 * problem.h / np.maximum(root[1:] + root[:-1], 1e-300)))
+
+
+def _curvature(it: _Iterate, dual: FloatArray) -> FloatArray:
+    """w - Lam at every point, coincident points merged into the first of them."""
+    merged = it.weight - dual[it.jerk].sum(axis=(0, 1))
+    for k in np.flatnonzero(it.h == 0.0):
         merged[2 * k] += merged[2 * k + 1] + merged[2 * k + 2]
         merged[2 * k + 1 : 2 * k + 3] = 0.0
-    concave = merged < 0.0
-    loss = 0.0
-    if concave.any():
-        x = it.z[0, concave]
-        low, high = (it.weight.sum() / it.time) ** 2 * 1e-4 * np.ones_like(x), np.minimum(it.problem.cap[concave], 16.0 * x)
-        drop = [x**-0.5 * (1.0 - np.sqrt(x / e) - 0.5 * (e / x - 1.0)) for e in (np.minimum(low, x), high)]
-        loss = float(np.sum(-merged[concave] * -np.minimum(0.0, np.minimum(*[-d for d in drop]))))
-    return it.time - cost - loss, not concave.any()
+    return merged
+
+
+def _widen(where: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Mark the neighbours of marked points too."""
+    out = where.copy()
+    for shift in (1, 2):
+        out[shift:] |= where[:-shift]
+        out[:-shift] |= where[shift:]
+    return out
 
 
 def start_from(problem: Constraints, x: FloatArray) -> FloatArray:

@@ -58,8 +58,8 @@ def plan_section(section: Section, limits: Limits, intervals: int) -> tuple[Time
     t = np.concatenate([[0.0], np.cumsum(2.0 * h / (speed[1:] + speed[:-1]))])
     a = 0.5 * np.diff(x) / h
     # sigma_ddot jumps at every grid point: a double node each
-    right = path_at(plain, limits, sigma[:-1], u[:-1], None).u
-    left = path_at(plain, limits, sigma[1:], u[1:], np.arange(h.size)).u
+    right = path_at(plain, limits, sigma[:-1], u[:-1], u[:-1] >= plain.u_end).u
+    left = path_at(plain, limits, sigma[1:], u[1:], np.ones(h.size, dtype=bool)).u
     rate = np.stack([right[1] * speed[:-1], left[1] * speed[1:]], axis=1)
     acceleration = np.stack([right[2] * x[:-1] + right[1] * a, left[2] * x[1:] + left[1] * a], axis=1)
     nodes = TimeNodes(
@@ -82,7 +82,7 @@ def _solve(section: Section, limits: Limits, sigma: FloatArray, u: FloatArray) -
 
         def __call__(self, path_positions: FloatArray, order: int = 0) -> FloatArray:
             at = np.atleast_1d(np.asarray(path_positions, dtype=np.float64)) * span
-            values = path_at(section, limits, at, _exact(at, sigma, u), None).axes[order] * span**order
+            values = path_at(section, limits, at, _exact(at, sigma, u), at >= span).axes[order] * span**order
             return values if np.ndim(path_positions) else values[0]
 
         @property
@@ -102,7 +102,7 @@ def _solve(section: Section, limits: Limits, sigma: FloatArray, u: FloatArray) -
         bound = np.where(np.isfinite(limits.acceleration), limits.acceleration, 1e12)
         constraints.append(constraint.JointAccelerationConstraint(np.stack([-bound, bound], axis=1)))
         constraints[-1].set_discretization_type(constraint.DiscretizationType.Interpolation)
-    points = path_at(section, limits, sigma, u, None)
+    points = path_at(section, limits, sigma, u, u >= section.u_end)
     feed = np.minimum(limits.feed, chord_feed_limit(points.curvature, limits))
     with np.errstate(divide="ignore", invalid="ignore"):
         top = np.fmin(feed / points.tip[1], np.fmin.reduce(limits.velocity / np.abs(points.axes[1]), axis=1))
