@@ -112,7 +112,8 @@ def scan(section: Section, limits: Limits, intervals: int) -> Scan:
         jerk = np.fmin.reduce(jerks / np.abs(arc[1]), axis=1)
         jerk = np.fmin(jerk, np.where(ratio > 0.0, limits.tangential_jerk / ratio, np.inf))
     kappa = np.sqrt(np.sum(arc[2] ** 2, axis=-1))
-    feed = _reachable(section, ceiling, length, acceleration, jerk, 1.0 / ratio)
+    per_tip_feed = np.divide(1.0, ratio, out=np.full_like(ratio, np.inf), where=ratio > 0.0)
+    feed = _reachable(section, ceiling, length, acceleration, jerk, per_tip_feed)
     return Scan(y, length, feed, ceiling, _accumulate(kappa, length), acceleration, jerk, speed)
 
 
@@ -166,7 +167,8 @@ def with_blends(section: Section, guess: Scan) -> Section:
         for _ in range(4):
             jerk = guess.jerk[at]
             acceleration = min(float(guess.acceleration[at]), float(np.sqrt(top * jerk)))
-            width = 0.5 * top * (top / acceleration + (acceleration / jerk))
+            build_up = acceleration / jerk if np.isfinite(jerk) else 0.0
+            width = 0.5 * top * (top / acceleration + build_up)
             top = float(guess.feed[distance <= max(width, distance[1 if at == 0 else -2])].max())
         widths.append(width if section.arc is not None else width / float(guess.speed[at]))
     room = (section.y_end - section.y_start) / _BLEND_LENGTH
@@ -198,7 +200,8 @@ def place_knots(section: Section, guess: Scan, intervals: int) -> Grid:
     density[span - mid < section.blend_end] = np.maximum(
         density[span - mid < section.blend_end], _BLEND_KNOTS / max(section.blend_end, 1e-300)
     )
-    spacing = 1.0 / density
+    with np.errstate(divide="ignore"):  # a cell so short that rounding leaves it no share
+        spacing = 1.0 / density
     for flip in (slice(None), slice(None, None, -1)):
         ramp = _GROWTH * (mid[flip] if flip.step is None else span - mid[flip])
         spacing[flip] = np.minimum.accumulate(spacing[flip] - ramp) + ramp

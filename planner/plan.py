@@ -17,10 +17,10 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from planner.constraints import Constraints, Path, build
-from planner.errors import InfeasibleError, InputError
+from planner.errors import InfeasibleError, InputError, SolverError
 from planner.geometry.curve import Curve, FloatArray
 from planner.grid import Grid, Scan, place_knots, scan, split, with_blends
-from planner.law import SpeedLaw, TimeNodes, utilisation
+from planner.law import SpeedLaw, TimeNodes, Utilisation, utilisation
 from planner.limits import Limits, feedrate_limits
 from planner.profile import FeedrateProfile, make_profile
 from planner.sections import Section, cut
@@ -37,6 +37,8 @@ _ACCEPTED_SLOWDOWN = 1.0003
 _MAX_ROUNDS = 4
 # Slowing down is measured at points; the peaks between them are higher by less than this.
 _PEAK_MARGIN = 2e-8
+# An interior point needs room above a feed that is prescribed at its limit.
+_PRESCRIBED_ROOM = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +48,34 @@ class SectionPlan:
     nodes: TimeNodes
     lower_bound: float
     stats: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Share:
+    """Shares of the limits that a plan may use at the collocation points, so that it keeps them between."""
+
+    speed: float = 1.0
+    acceleration: float = 1.0
+    jerk: float = 1.0
+
+    def tightened(self, used: Utilisation) -> Share:
+        """Divide by what a plan made with these shares used."""
+        found = (float(value.max()) * (1.0 + _PEAK_MARGIN) for value in (used.speed, used.acceleration, used.jerk))
+        speed, acceleration, jerk = (max(1.0, value) for value in found)
+        return Share(self.speed / speed, self.acceleration / acceleration, self.jerk / jerk)
+
+    def of(self, problem: Constraints) -> Constraints:
+        """Apply the shares; a prescribed feed stays attainable."""
+        cap = problem.cap * self.speed**2
+        for value, at in ((problem.start, 0), (problem.end, -1)):
+            if not np.isnan(value):
+                cap[at] = max(cap[at], value * (1.0 + _PRESCRIBED_ROOM))
+        return replace(
+            problem,
+            cap=cap,
+            acceleration=problem.acceleration / self.acceleration,
+            jerk=problem.jerk / self.jerk,
+        )
 
 
 def plan_feedrate(
@@ -179,10 +209,15 @@ def _plan_section(
         feeds = (section.start_feed or 0.0, section.end_feed or 0.0)
         nodes = TimeNodes(*plan_section(section.curve, limits, section.u_start, section.u_end, *feeds))
         return SectionPlan(nodes, np.nan, {"status": "feasible", "intervals": nodes.t.size - 1})
-    if method == "toppra":
+    if method == "toppra" or not (np.isfinite(limits.jerk).any() or np.isfinite(limits.tangential_jerk)):
         from planner.solvers.topp import plan_section as plan_without_jerk
 
-        return SectionPlan(*plan_without_jerk(section, limits, intervals or DEFAULT_INTERVALS))
+        nodes, bound, stats = plan_without_jerk(section, limits, intervals or DEFAULT_INTERVALS)
+        if not section.has_prescribed_feed:
+            used = utilisation(section.curve, limits, nodes)
+            slowdown = max(float(used.speed.max()), float(np.sqrt(used.acceleration.max())))
+            nodes = nodes.dilated(max(1.0, slowdown * (1.0 + _PEAK_MARGIN)))
+        return SectionPlan(nodes, bound, stats)
     return _solve_and_refine(section, limits, method, periodic, deadline, intervals, progress)
 
 
@@ -203,11 +238,13 @@ def _solve_and_refine(
         coarse = place_knots(section, guess, max(_MIN_INTERVALS, wanted // _COARSER))
         law, *_ = _solve(section, limits, coarse, guess, None, method, periodic, deadline, 1e-2)
     grid = place_knots(section, guess, wanted)
-    tighter = np.ones((3, 2 * grid.sigma.size - 1))
+    # A slower clock would change a prescribed feed; there the limits are tightened instead, and met without a margin.
+    prescribed = section.has_prescribed_feed
+    share = Share()
     best: SectionPlan | None = None
     for round_ in range(_MAX_ROUNDS):
         law, path, solution, unit = _solve(
-            section, limits, grid, guess, law, method, periodic, deadline, None, tighter, progress
+            section, limits, grid, guess, law, method, periodic, deadline, None, share, progress
         )
         nodes = law.nodes(path)
         used = utilisation(section.curve, limits, nodes)
@@ -222,14 +259,17 @@ def _solve_and_refine(
             "rounds": round_ + 1,
             "slowdown": slowdown,
         }
-        kappa = max(1.0, slowdown * (1.0 + _PEAK_MARGIN))
+        kappa = 1.0 if prescribed else max(1.0, slowdown * (1.0 + _PEAK_MARGIN))
         candidate = SectionPlan(nodes.dilated(kappa), solution.lower_bound * unit, stats)
-        if best is None or candidate.nodes.t[-1] < best.nodes.t[-1]:
+        if best is None or prescribed or candidate.nodes.t[-1] < best.nodes.t[-1]:
             best = candidate
-        if slowdown <= _ACCEPTED_SLOWDOWN or intervals is not None or time.perf_counter() > deadline:
+        accepted = slowdown <= (1.0 + _PEAK_MARGIN if prescribed else _ACCEPTED_SLOWDOWN)
+        if accepted or (intervals is not None and not prescribed) or time.perf_counter() > deadline:
             break
-        grid = split(section, grid, _by_interval(used.slowdown, grid) > _ACCEPTED_SLOWDOWN)
-        tighter = np.ones((3, 2 * grid.sigma.size - 1))
+        if prescribed:
+            share = share.tightened(used)
+        if intervals is None:
+            grid = split(section, grid, _by_interval(used.slowdown, grid) > _ACCEPTED_SLOWDOWN)
     assert best is not None
     return best
 
@@ -254,21 +294,37 @@ def _solve(
     periodic: bool,
     deadline: float,
     tolerance: float | None,
-    tighter: FloatArray | None = None,
+    share: Share | None = None,
     progress: Progress | None = None,
 ) -> tuple[SpeedLaw, Path, Any, float]:
     """Solve on one grid, from a previous law where there is one."""
     problem, path = build(section, limits, grid, guess, periodic=periodic)
+    if share is not None:
+        problem = share.of(problem)
     per_x = (problem.length_unit / problem.time_unit) ** 2
     if law is not None:
         floor = 1e-6 * float(law.x.min())
         problem = replace(problem, guess=np.maximum(law.at(grid.sigma), floor) / per_x)
-    solution = _run(problem, method, law is not None, tolerance, deadline, progress)
+    try:
+        solution = _run(problem, method, law is not None, tolerance, deadline, progress)
+    except SolverError as error:
+        if not section.has_prescribed_feed:
+            raise
+        raise InfeasibleError(
+            f"no plan found from start_feed = {section.start_feed or 0.0:g} to end_feed = {section.end_feed or 0.0:g} mm/s "
+            f"between u = {section.u_start:.6g} and {section.u_end:.6g} (length {_length(section):.6g} mm): {error}; "
+            "a prescribed feed must be attainable under the limits, lower it"
+        ) from None
     scale = problem.length_unit
     found = SpeedLaw(
         grid.sigma, solution.x * per_x, solution.a * per_x / scale, solution.c * per_x / scale**2
     )
     return found, path, solution, problem.time_unit
+
+
+def _length(section: Section) -> float:
+    s = section.curve.arclength.s(np.array([section.u_start, section.u_end]))
+    return float(s[1] - s[0])
 
 
 def _run(
@@ -313,6 +369,8 @@ def _collect(
             f"{1e3 * limits.period:g} ms keep the jerk limit; exact_stop=True would stop there"
             for b in section.jumps
         ]
+    if not (np.isfinite(limits.jerk).any() or np.isfinite(limits.tangential_jerk)):
+        notes.append("no jerk limit is set: planned without one, by toppra")
     every = [plan.stats for plan in plans]
     status = next((s["status"] for s in every if s["status"] not in {"optimal", "feasible"}), every[0]["status"])
     stats: dict[str, Any] = {"status": status, "period": limits.period, "notes": notes, "sections": len(sections)}

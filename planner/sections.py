@@ -53,7 +53,7 @@ class Section:
     u_start, u_end : float
         Curve parameters of the ends.
     start_feed, end_feed : float or None
-        Tip feed prescribed there, mm/s; None for an exact stop.
+        Tip feed prescribed there, mm/s; None for an exact stop, nan where it is free (a periodic path).
     arc : ArcLength or None
         Weighted arc length where that is the coordinate y; None where y is the curve parameter.
     blend_start, blend_end : float
@@ -71,6 +71,11 @@ class Section:
     blend_start: float = 0.0
     blend_end: float = 0.0
     jumps: tuple[Break, ...] = ()
+
+    @property
+    def has_prescribed_feed(self) -> bool:
+        """A feed is prescribed at one of the ends."""
+        return any(feed is not None and np.isfinite(feed) for feed in (self.start_feed, self.end_feed))
 
     @property
     def y_start(self) -> float:
@@ -193,15 +198,15 @@ def cut(
         smooth = all(b.parametric >= 2 for b in inside)
         if not smooth and arc is None:
             arc = weighted_arclength(curve, weights)
-        entry = start_feed if i == 0 else 0.0
-        leave = end_feed if i == len(stops) else 0.0
+        entry = (np.nan if periodic else start_feed) if i == 0 else 0.0
+        leave = (np.nan if periodic else end_feed) if i == len(stops) else 0.0
         sections.append(
             Section(
                 curve,
                 u0,
                 u1,
-                entry if entry > 0.0 or periodic else None,
-                leave if leave > 0.0 or periodic else None,
+                None if entry == 0.0 else entry,
+                None if leave == 0.0 else leave,
                 None if smooth else arc,
                 jumps=tuple(b for b in inside if b.geometric == 1),
             )

@@ -159,6 +159,11 @@ class TestPieces:
                 error = np.abs(pieces.evaluate(inner, 3, side) - curve.derivatives(inner)).max(axis=(1, 2))
                 assert (error <= np.array([1e-13, 1e-10, 1e-8, 1e-6]) * size).all()
 
+    def test_axes_that_stay_at_the_origin(self):
+        curve = FormulaCurve({"X": "0", "Y": "0*u", "C": "u"}, (0.0, 2.0))
+        np.testing.assert_allclose(curve.pieces.evaluate(np.array([0.5]), 1, "right")[:, 0], [[0, 0, 0.5], [0, 0, 1]])
+        assert curve.length == 0.0
+
     def test_cubic_is_one_piece(self):
         assert load_curve("teardrop").pieces.breaks.size == 2
 

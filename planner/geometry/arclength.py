@@ -15,7 +15,8 @@ from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike
 
 from planner.errors import CurveError, InputError
-from planner.geometry.curve import Curve, FloatArray, Side
+from planner.geometry.curve import Curve, FloatArray, Side, require_side
+from planner.geometry.inputs import coordinates
 
 _NODES = 16
 # Tail of a panel's series: integrated, against the whole length; or by itself, against the mean speed on the panel.
@@ -119,10 +120,12 @@ class ArcLength:
     def u(self, s: ArrayLike, *, side: Side = "right") -> FloatArray:
         """Curve parameter at arc length s (any shape).
 
-        ``side`` matters only where the curve rests: "right" takes the last parameter with that length.
+        ``side`` matters only where the curve rests: "right" takes the last parameter with that length, "left" the
+        first.  Raises InputError for a length outside the curve.
         """
         from planner.geometry.kernels import panel_inverse
 
+        require_side(side)
         points = _within(s, 0.0, self.total, "s")
         out = np.empty(points.size)
         panel_inverse(self.edges, self.lengths, self._series, self._speeds, points.reshape(-1), side == "left", out)
@@ -139,7 +142,7 @@ def _speed_series(speed: Callable[[FloatArray], FloatArray], lo: FloatArray, hi:
 
 
 def _within(values: ArrayLike, lo: float, hi: float, what: str) -> FloatArray:
-    points = np.array(values, dtype=np.float64, order="C")
+    points = coordinates(values, what)
     slack = 1e-12 * (hi - lo)
     outside = ~((points >= lo - slack) & (points <= hi + slack))
     if outside.any():

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from planner.errors import CurveError, InputError
+from planner.geometry.inputs import coordinates
 
 if TYPE_CHECKING:
     from planner.geometry.arclength import ArcLength
@@ -165,12 +166,8 @@ class Curve(ABC):
         """
         if not isinstance(order, int | np.integer) or not 0 <= order <= MAX_DERIVATIVE:
             raise InputError(f"order = {order!r} must be 0, 1, 2 or 3")
-        if side not in ("left", "right"):
-            raise InputError(f'side = {side!r} must be "left" or "right"')
-        try:
-            points = np.asarray(u, dtype=np.float64)
-        except (TypeError, ValueError):
-            raise InputError(f"u = {u!r} must be a number or an array of numbers") from None
+        require_side(side)
+        points = coordinates(u, "u")
         flat = np.ascontiguousarray(points.reshape(-1))
         u0, u1 = self.domain
         outside = ~((flat >= u0) & (flat <= u1))
@@ -284,6 +281,12 @@ def arc_derivatives(d: FloatArray) -> FloatArray:
     second = (d[2] - v1 * tangent) / v**2
     third = (d[3] - 3.0 * v * v1 * second - v2 * tangent) / v**3
     return np.stack([d[0], tangent, second, third])
+
+
+def require_side(side: Side) -> None:
+    """Raise InputError for a side that is neither left nor right."""
+    if side not in ("left", "right"):
+        raise InputError(f'side = {side!r} must be "left" or "right"')
 
 
 def axis_names(

@@ -54,7 +54,8 @@ def fit_pieces(curve: Curve) -> Pieces:
     before = np.full(lo.size, np.inf)  # error of the piece that each was halved from
     for _ in range(_MAX_HALVINGS):
         power, error = _interpolate(curve, lo, hi, max(probes, 2 * _DEGREE))
-        excess = np.nan_to_num(error / tolerance, nan=np.inf)
+        # an axis that stands still has neither error nor tolerance
+        excess = np.nan_to_num(error / np.maximum(tolerance, np.finfo(float).tiny), nan=np.inf)
         largest = excess.max(axis=1)
         good = largest <= 1.0
         stalled = np.flatnonzero(~good & (largest > _STALL * before) & (largest <= _LARGEST_NOISE))
@@ -110,7 +111,7 @@ def _tolerances(curve: Curve) -> FloatArray:
     rounding = 8.0 * eps * np.abs(scan[0]).max(axis=0) + blur
     common = np.where(linear, np.max(extent * linear), max(float(np.max(extent * ~linear)), _ANGLE))
     noise = np.where(linear, np.max(rounding * linear), np.max(rounding * ~linear))
-    return np.asarray(_TOLERANCE * common + noise)
+    return np.maximum(_TOLERANCE * common + noise, np.finfo(np.float64).tiny)  # axes that stay at 0 have none
 
 
 def _interpolate(curve: Curve, lo: FloatArray, hi: FloatArray, probes: int) -> tuple[FloatArray, FloatArray]:

@@ -66,6 +66,17 @@ def numbers(values: ArrayLike, what: str, error: type[InputError]) -> NDArray[np
         raise error(f"{what} must be an array of numbers ({problem})") from None
 
 
+def coordinates(values: ArrayLike, what: str) -> NDArray[np.float64]:
+    """Take an array of parameters, lengths or times as it is, or convert a sequence; any shape, text is refused."""
+    try:
+        array = np.asarray(values)
+    except ValueError:
+        array = np.asarray(None)
+    if array.dtype.kind not in "iuf":
+        raise InputError(f"{what} = {shorten(repr(values))} must be a number or an array of numbers")
+    return array.astype(np.float64, copy=False)
+
+
 def positive_number(value: Any, what: str, hint: str = "") -> float:
     """Check one number > 0; inf passes.  The hint ends the message."""
     try:
