@@ -104,7 +104,7 @@ class Row:
     axis : str
         Name of the axis; empty where the row is not about one.
     worst, allowed : float
-        Largest value found and the limit, in ``unit``.
+        Largest value found (of places with different slack: the largest less slack) and the limit, in ``unit``.
     ratio : float
         worst / allowed; 0 where the limit is inf; where nothing is allowed, 0 or (if it is not ok) inf.
     t, u : float

@@ -142,9 +142,9 @@ def plan(
         _require_outputs(output, plot)
         path, limits, machine_name = _load(curve, scale, machine, feed_mm_s, period_s)
         from planner import plan_feedrate, write_table
-        from planner.progress import ProgressLine, load_kernels
+        from planner.progress import ProgressLine
 
-        load_kernels()
+        _load_kernels()
         with ProgressLine() as line:
             started = time.perf_counter()
             profile = plan_feedrate(
@@ -188,11 +188,11 @@ def check(
     """
     with _exits():
         from planner import load_curve, load_limits, read_table, table_limits
-        from planner.progress import ProgressLine, load_kernels
+        from planner.progress import ProgressLine
 
         path = load_curve(curve, scale=scale)
         limits = load_limits(machine).for_curve(path) if machine else None
-        load_kernels()
+        _load_kernels()
         with ProgressLine() as line:
             line("reading the table")
             profile = read_table(table, path)
@@ -221,11 +221,11 @@ def replay(
         import interp
         from planner import load_curve, read_table, table_limits
         from planner.check import check as check_plan
-        from planner.progress import ProgressLine, load_kernels
+        from planner.progress import ProgressLine
         from planner.tables import write_samples
 
         path = load_curve(curve, scale=scale)
-        load_kernels()
+        _load_kernels()
         with ProgressLine() as line:
             line("reading the table")
             profile = read_table(table, path)
@@ -308,6 +308,14 @@ def _load(
     if period is not None:
         limits = limits.with_period(period)
     return path, limits, machine or f"{example} (example machine)"
+
+
+def _load_kernels() -> None:
+    import interp
+    import planner
+    from planner.progress import load_kernels
+
+    load_kernels(planner, interp)
 
 
 def _judge(

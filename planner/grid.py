@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from planner.errors import InfeasibleError
 from planner.geometry.curve import FloatArray, arc_derivatives
 from planner.limits import Limits, chord_feed_limit
-from planner.sections import _BLEND_LENGTH, Section, axis_weights, evaluate
+from planner.sections import BLEND_LENGTH, Section, axis_weights, evaluate
 
 _UNIFORM, _TIME, _TURNING = 0.2, 0.5, 0.3
 # |d spacing / d sigma| that keeps neighbours within a factor 2
@@ -171,7 +171,7 @@ def with_blends(section: Section, guess: Scan) -> Section:
             width = 0.5 * top * (top / acceleration + build_up)
             top = float(guess.feed[distance <= max(width, distance[1 if at == 0 else -2])].max())
         widths.append(width if section.arc is not None else width / float(guess.speed[at]))
-    room = (section.y_end - section.y_start) / _BLEND_LENGTH
+    room = (section.y_end - section.y_start) / BLEND_LENGTH
     if sum(widths) > room:
         # Where one stop needs little, the other may use what it leaves.
         share = room / sum(widths)
@@ -181,10 +181,12 @@ def with_blends(section: Section, guess: Scan) -> Section:
 
 def place_knots(section: Section, guess: Scan, intervals: int) -> Grid:
     """Distribute about ``intervals`` intervals over a section (with blends) by the density above."""
-    span = section.span
-    blends = np.linspace(0.0, 1.0, 4 * _BLEND_KNOTS + 1)
-    samples = [section.sigma(guess.y), blends * section.blend_start, span - blends * section.blend_end]
-    sigma = np.unique(np.clip(np.concatenate(samples), 0.0, span))
+    span, w0, w1 = section.span, section.blend_start, section.blend_end
+    # Between the blends sigma is y and a constant; inside them it is sampled by itself, no inverse is needed.
+    straight = guess.y - section.y_start + (1.0 - BLEND_LENGTH) * w0
+    straight = straight[(straight > w0) & (straight < span - w1)]
+    blend = np.linspace(0.0, 1.0, 8 * _BLEND_KNOTS + 1)
+    sigma = np.unique(np.concatenate([blend * w0, straight, span - blend * w1]))
     y = section.rest_map(sigma)[0]
     mean = 0.5 * (guess.feed[1:] + guess.feed[:-1])
     time = np.concatenate([[0.0], np.cumsum(np.diff(guess.length) / mean)])

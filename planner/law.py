@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 
 from planner.constraints import Path
 from planner.geometry.curve import Curve, FloatArray
-from planner.limits import Limits, chord_feed_limit
+from planner.limits import Limits
 from planner.profile import quintic_coefficients
 from planner.sections import evaluate
 
-_GAUSS_POINTS = 16
+_GAUSS_POINTS = 8  # on half an interval: the integrand varies little there
 _POINTS_PER_INTERVAL = 10  # an interval of a solver has two nodes' intervals, hence 20 points
 _CHUNK = 20_000
 # Intervals this near to the largest slowdown, at most this many, are looked at with this many points.
@@ -124,6 +124,8 @@ def utilisation(curve: Curve, limits: Limits, nodes: TimeNodes) -> Utilisation:
 def _chunk(
     curve: Curve, limits: Limits, nodes: TimeNodes, index: NDArray[np.intp], end: FloatArray, points: int
 ) -> FloatArray:
+    from planner.kernels import shares
+
     h = nodes.t[index + 1] - nodes.t[index]
     c = quintic_coefficients(
         h,
@@ -141,27 +143,10 @@ def _chunk(
     beyond = u >= end[:, None]
     q = evaluate(curve, u, beyond)
     tip = q if curve.tip is curve else evaluate(curve.tip, u, beyond)
-    square, cube = (u1 * u1)[..., None], (u1 * u1 * u1)[..., None]
-    rate, bend, twist = u1[..., None], u2[..., None], u3[..., None]
-    velocity = np.abs(q[1] * rate) / limits.velocity
-    acceleration = np.abs(q[2] * square + q[1] * bend) / limits.acceleration
-    jerk = np.abs(q[3] * cube + q[2] * (3.0 * rate * bend) + q[1] * twist) / limits.jerk
-    used = [velocity.max(axis=(1, 2)), acceleration.max(axis=(1, 2)), jerk.max(axis=(1, 2))]
-    speed = np.sqrt(np.sum(tip[1] ** 2, axis=-1))
-    feed = speed * np.abs(u1)
-    used[0] = np.maximum(used[0], (feed / limits.feed).max(axis=1))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        s2 = np.where(speed > 0.0, np.sum(tip[1] * tip[2], axis=-1) / speed, 0.0)
-        if np.isfinite(limits.chord_error):
-            normal = tip[2] - (s2 / speed)[..., None] * tip[1]
-            curvature = np.where(speed > 0.0, np.sqrt(np.sum(normal**2, axis=-1)) / speed**2, 0.0)
-            used[0] = np.maximum(used[0], np.nan_to_num(feed / chord_feed_limit(curvature, limits)).max(axis=1))
-        if np.isfinite(limits.tangential_acceleration):
-            along = np.abs(speed * u2 + s2 * u1**2) / limits.tangential_acceleration
-            used[1] = np.maximum(used[1], along.max(axis=1))
-        if np.isfinite(limits.tangential_jerk):
-            s3 = np.sum(tip[2] ** 2, axis=-1) + np.sum(tip[1] * tip[3], axis=-1) - s2**2
-            s3 = np.where(speed > 0.0, s3 / speed, 0.0)
-            along = np.abs(speed * u3 + 3.0 * s2 * u1 * u2 + s3 * u1**3) / limits.tangential_jerk
-            used[2] = np.maximum(used[2], along.max(axis=1))
-    return np.stack(used)
+    rows = np.concatenate([limits.velocity, limits.acceleration, limits.jerk])
+    scalars = np.array(
+        [limits.feed, limits.chord_error, limits.period, limits.tangential_acceleration, limits.tangential_jerk]
+    )
+    out = np.empty((3, index.size))
+    shares(q, tip, np.stack([u1, u2, u3]), rows.reshape(3, -1), scalars, out)
+    return out

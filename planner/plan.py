@@ -33,8 +33,11 @@ _COARSER = 4
 _MIN_INTERVALS = 24
 _MAX_INTERVALS = 20_000_000
 # A plan that needs more slowing down than this at the end is refined first.
-_ACCEPTED_SLOWDOWN = 1.0003
-_MAX_ROUNDS = 4
+_ACCEPTED_SLOWDOWN = 1.0002
+# Beyond this the grid is too coarse there, and is refined; below, tightening the limits locally is enough.
+_TOO_COARSE = 1.004
+_MARGIN_STEP = 2e-5
+_MAX_ROUNDS = 5
 # Slowing down is measured at points; the peaks between them are higher by less than this.
 _PEAK_MARGIN = 2e-8
 # An interior point needs room above a feed that is prescribed at its limit.
@@ -50,31 +53,46 @@ class SectionPlan:
     stats: dict[str, Any]
 
 
-@dataclass(frozen=True)
-class Share:
-    """Shares of the limits that a plan may use at the collocation points, so that it keeps them between."""
+@dataclass(frozen=True, eq=False)
+class Margins:
+    """By how much the limits are tightened at each collocation point, so that a plan keeps them between the points.
 
-    speed: float = 1.0
-    acceleration: float = 1.0
-    jerk: float = 1.0
+    ``speed``, ``acceleration``, ``jerk``: (2n - 1,) arrays >= 1.
+    """
 
-    def tightened(self, used: Utilisation) -> Share:
-        """Divide by what a plan made with these shares used."""
-        found = (float(value.max()) * (1.0 + _PEAK_MARGIN) for value in (used.speed, used.acceleration, used.jerk))
-        speed, acceleration, jerk = (max(1.0, value) for value in found)
-        return Share(self.speed / speed, self.acceleration / acceleration, self.jerk / jerk)
+    speed: FloatArray
+    acceleration: FloatArray
+    jerk: FloatArray
 
-    def of(self, problem: Constraints) -> Constraints:
-        """Apply the shares; a prescribed feed stays attainable."""
-        cap = problem.cap * self.speed**2
+    @classmethod
+    def none(cls, grid: Grid) -> Margins:
+        """No margin anywhere."""
+        return cls(*np.ones((3, 2 * grid.sigma.size - 1)))
+
+    def raised(self, used: Utilisation, grid: Grid) -> Margins:
+        """Raise the margins where a plan made with these ones used more than its limits."""
+        raised = []
+        for margin, share in ((self.speed, used.speed), (self.acceleration, used.acceleration), (self.jerk, used.jerk)):
+            excess = _by_interval(share, grid)
+            excess = np.where(excess > 1.0, excess * (1.0 + _MARGIN_STEP), 1.0)
+            at = np.ones(margin.size)
+            at[1::2] = excess
+            at[2::2] = excess
+            at[0:-1:2] = np.maximum(at[0:-1:2], excess)
+            raised.append(margin * at)
+        return Margins(*raised)
+
+    def apply(self, problem: Constraints) -> Constraints:
+        """Tighten the constraints; a prescribed feed stays attainable."""
+        cap = problem.cap / self.speed**2
         for value, at in ((problem.start, 0), (problem.end, -1)):
             if not np.isnan(value):
                 cap[at] = max(cap[at], value * (1.0 + _PRESCRIBED_ROOM))
         return replace(
             problem,
             cap=cap,
-            acceleration=problem.acceleration / self.acceleration,
-            jerk=problem.jerk / self.jerk,
+            acceleration=np.ascontiguousarray(problem.acceleration * self.acceleration),
+            jerk=np.ascontiguousarray(problem.jerk * self.jerk),
         )
 
 
@@ -240,11 +258,12 @@ def _solve_and_refine(
     grid = place_knots(section, guess, wanted)
     # A slower clock would change a prescribed feed; there the limits are tightened instead, and met without a margin.
     prescribed = section.has_prescribed_feed
-    share = Share()
+    margins = Margins.none(grid)
     best: SectionPlan | None = None
+    iterate: Any = None
     for round_ in range(_MAX_ROUNDS):
         law, path, solution, unit = _solve(
-            section, limits, grid, guess, law, method, periodic, deadline, None, share, progress
+            section, limits, grid, guess, law, method, periodic, deadline, None, margins, progress
         )
         nodes = law.nodes(path)
         used = utilisation(section.curve, limits, nodes)
@@ -254,24 +273,30 @@ def _solve_and_refine(
             "iterations": solution.iterations,
             "gap": solution.gap,
             "residual": solution.residual,
-            "global": solution.is_global,
             "intervals": grid.intervals,
             "rounds": round_ + 1,
             "slowdown": slowdown,
         }
         kappa = 1.0 if prescribed else max(1.0, slowdown * (1.0 + _PEAK_MARGIN))
-        candidate = SectionPlan(nodes.dilated(kappa), solution.lower_bound * unit, stats)
+        candidate = SectionPlan(nodes.dilated(kappa), np.nan, stats)
         if best is None or prescribed or candidate.nodes.t[-1] < best.nodes.t[-1]:
-            best = candidate
+            best, iterate = candidate, solution.iterate
         accepted = slowdown <= (1.0 + _PEAK_MARGIN if prescribed else _ACCEPTED_SLOWDOWN)
-        if accepted or (intervals is not None and not prescribed) or time.perf_counter() > deadline:
+        if accepted or time.perf_counter() > deadline:
             break
-        if prescribed:
-            share = share.tightened(used)
-        if intervals is None:
+        if slowdown > _TOO_COARSE and intervals is None:
             grid = split(section, grid, _by_interval(used.slowdown, grid) > _ACCEPTED_SLOWDOWN)
-    assert best is not None
-    return best
+            margins = Margins.none(grid)
+        else:
+            margins = margins.raised(used, grid)
+    if best is None:
+        raise SolverError("no round of refinement was run")
+    if iterate is None:
+        return best
+    from planner.solvers.optimal import lower_bound
+
+    bound, is_global = lower_bound(iterate)
+    return replace(best, lower_bound=bound * unit, stats=best.stats | {"global": is_global})
 
 
 def _by_interval(values: FloatArray, grid: Grid) -> FloatArray:
@@ -294,13 +319,13 @@ def _solve(
     periodic: bool,
     deadline: float,
     tolerance: float | None,
-    share: Share | None = None,
+    margins: Margins | None = None,
     progress: Progress | None = None,
 ) -> tuple[SpeedLaw, Path, Any, float]:
     """Solve on one grid, from a previous law where there is one."""
     problem, path = build(section, limits, grid, guess, periodic=periodic)
-    if share is not None:
-        problem = share.of(problem)
+    if margins is not None:
+        problem = margins.apply(problem)
     per_x = (problem.length_unit / problem.time_unit) ** 2
     if law is not None:
         floor = 1e-6 * float(law.x.min())

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import sys
 import threading
+from collections.abc import Iterable
 from importlib import import_module
-from types import TracebackType
+from pathlib import Path
+from types import ModuleType, TracebackType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -13,7 +15,6 @@ if TYPE_CHECKING:
 
 _PATIENCE = 1.0  # s; what is quicker needs no explanation
 _LOADING = 2.5  # s; compiled kernels load within one, to compile them takes some twenty
-_KERNELS = ("planner.geometry.kernels", "planner.solvers.kernels", "interp.kernels")
 
 
 class ProgressLine:
@@ -70,17 +71,26 @@ class ProgressLine:
             progress.update(task, description=self._message, total=total, completed=self._fraction or 0.0)
 
 
-def load_kernels() -> None:
-    """Import the compiled modules; say so if they have to be compiled first."""
+def load_kernels(*packages: ModuleType) -> None:
+    """Import every ``kernels.py`` of these packages; say so if they have to be compiled first."""
     import_module("numba")  # takes a while itself, but compiles nothing
     timer = threading.Timer(_LOADING, _say_compiling)
     timer.daemon = True
     timer.start()
     try:
-        for name in _KERNELS:
+        for name in _kernel_modules(packages):
             import_module(name)
     finally:
         timer.cancel()
+
+
+def _kernel_modules(packages: Iterable[ModuleType]) -> list[str]:
+    return [
+        ".".join((package.__name__, *file.relative_to(folder).with_suffix("").parts))
+        for package in packages
+        for folder in map(Path, package.__path__)
+        for file in sorted(folder.rglob("kernels.py"))
+    ]
 
 
 def _say_compiling() -> None:

@@ -29,10 +29,10 @@ from planner.geometry.arclength import ArcLength
 from planner.geometry.curve import Break, Curve, FloatArray
 from planner.limits import Limits
 
-# Ascending powers of r of the rest map's slope p and of its integral; a blend of width w covers _BLEND_LENGTH w of y.
+# Ascending powers of r of the rest map's slope p and of its integral; a blend of width w covers BLEND_LENGTH w of y.
 _SLOPE = np.array([0.0, 0.0, 4.0, 4.0, -21.0, 20.0, -6.0])
 _LENGTH = np.array([0.0, 0.0, 0.0, 4.0 / 3.0, 1.0, -21.0 / 5.0, 10.0 / 3.0, -6.0 / 7.0])
-_BLEND_LENGTH = float(_LENGTH.sum())
+BLEND_LENGTH = float(_LENGTH.sum())
 # p, p', p'' and the integral, highest power first
 _MAPS = [
     _LENGTH[::-1],
@@ -90,13 +90,13 @@ class Section:
     @property
     def span(self) -> float:
         """Range [0, span] of sigma."""
-        saved = (1.0 - _BLEND_LENGTH) * (self.blend_start + self.blend_end)
+        saved = (1.0 - BLEND_LENGTH) * (self.blend_start + self.blend_end)
         return self.y_end - self.y_start + saved
 
     def rest_map(self, sigma: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Evaluate y(sigma) and its first three derivatives."""
         w0, w1, span = self.blend_start, self.blend_end, self.span
-        y = self.y_start - (1.0 - _BLEND_LENGTH) * w0 + sigma
+        y = self.y_start - (1.0 - BLEND_LENGTH) * w0 + sigma
         first, second, third = np.ones_like(y), np.zeros_like(y), np.zeros_like(y)
         for width, distance, end, sign in (
             (w0, sigma, self.y_start, 1.0),
@@ -115,11 +115,11 @@ class Section:
     def sigma(self, y: FloatArray) -> FloatArray:
         """Invert the rest map (Newton in the blends, bracketed)."""
         w0, w1 = self.blend_start, self.blend_end
-        sigma = y - self.y_start + (1.0 - _BLEND_LENGTH) * w0
+        sigma = y - self.y_start + (1.0 - BLEND_LENGTH) * w0
         for width, covered, side in ((w0, y - self.y_start, 0), (w1, self.y_end - y, 1)):
             if width <= 0.0:
                 continue
-            inside = np.flatnonzero(covered < _BLEND_LENGTH * width)
+            inside = np.flatnonzero(covered < BLEND_LENGTH * width)
             if inside.size:
                 distance = width * _invert_blend(np.maximum(covered[inside], 0.0) / width)
                 sigma[inside] = distance if side == 0 else self.span - distance

@@ -107,13 +107,13 @@ class TestNamedCurves:
     @pytest.mark.parametrize("scale", [0, -1, np.nan, np.inf, "2", None, True, 1j, [1.0], 10**400])
     def test_scale_must_be_positive_and_finite(self, scale):
         for name in ("butterfly", "circle"):
-            with pytest.raises(InputError, match="scale = .* must be"):
+            with pytest.raises(InputError, match=r"scale = .* must be"):
                 load_curve(name, scale=scale)
 
     @pytest.mark.parametrize("scale", [1e-300, 1e300])
     def test_scale_beyond_double_precision(self, scale):
         for name in ("butterfly", "circle", "flank"):
-            with pytest.raises(CurveError, match="length 0|overflow|not finite|meet"):
+            with pytest.raises(CurveError, match=r"length 0|overflow|not finite|meet"):
                 load_curve(name, scale=scale)
 
     @pytest.mark.parametrize("name", ["Teardrop", "", "circle ", "spiral", None, 5, b"circle", ["circle"]])
@@ -286,7 +286,7 @@ class TestBadFiles:
             load_curve("a\0b.json")
         with pytest.raises(CurveError, match="cannot be read"):
             load_curve("x" * 5000 + ".json")
-        with pytest.raises(CurveError, match="neither a .json or .toml file nor a name"):
+        with pytest.raises(CurveError, match=r"neither a \.json or \.toml file nor a name"):
             load_curve(tmp_path)
 
     @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no named pipes")

@@ -111,7 +111,8 @@ def _tolerances(curve: Curve) -> FloatArray:
     rounding = 8.0 * eps * np.abs(scan[0]).max(axis=0) + blur
     common = np.where(linear, np.max(extent * linear), max(float(np.max(extent * ~linear)), _ANGLE))
     noise = np.where(linear, np.max(rounding * linear), np.max(rounding * ~linear))
-    return np.maximum(_TOLERANCE * common + noise, np.finfo(np.float64).tiny)  # axes that stay at 0 have none
+    least = np.finfo(np.float64).tiny  # for axes that stay at 0
+    return np.asarray(np.maximum(_TOLERANCE * common + noise, least))
 
 
 def _interpolate(curve: Curve, lo: FloatArray, hi: FloatArray, probes: int) -> tuple[FloatArray, FloatArray]:

@@ -29,7 +29,7 @@ Rules of one iteration
 4.  Separate primal and dual step lengths, a fraction clip(1 - gap/T, 0.9, 0.995) of the way to the boundary; x falls by
     90 % at most.  No line search is needed, by the consequence above.
 
-It stops when sum(s l) is below 1e-6 of the time with the multipliers repaired to exact dual feasibility.
+It stops when sum(s l) is below 1e-5 of the time with the multipliers repaired to exact dual feasibility.
 
 End conditions.  A rest needs none (the rest map).  A prescribed feed fixes x at the first or last knot, a periodic path
 equates both states: the first is fixed in the root solve, the others are rows added by the Schur complement of a few
@@ -65,11 +65,10 @@ from planner.constraints import Constraints
 from planner.errors import SolverError
 from planner.geometry.curve import FloatArray
 
-GAP_TOLERANCE = 1e-6
+GAP_TOLERANCE = 1e-5
 _MAX_ITERATIONS = 120
 _FEASIBLE = 1e-9
 _HOPE = 2.0  # weight of the hoped-for gain in the centring
-_START_INSIDE = 0.9  # a start is scaled to use at most this share of every limit
 _LARGEST_FALL = 0.9
 _REPAIRS = 4
 _SPREADS = 4
@@ -92,12 +91,8 @@ class Solution:
     iterations : int
     gap, residual : float
         sum(s l) / time, and the largest relative violation.
-    lower_bound : float
-        Of the discretised problem, same unit as ``time``.
-    is_global : bool
-        The KKT point is proven to be the global optimum of the discretised problem.
-    multipliers : (m, 2n - 1) array
-        Sum of both multipliers of each row: what relaxing that row by 1 would save.
+    iterate : Iterate or None
+        The interior point itself, from which :func:`lower_bound` is computed.
     """
 
     x: FloatArray
@@ -108,15 +103,13 @@ class Solution:
     iterations: int
     gap: float
     residual: float
-    lower_bound: float = np.nan
-    is_global: bool = False
-    multipliers: FloatArray | None = None
+    iterate: Iterate | None = None
 
 
-class _Iterate:
+class Iterate:
     """The arrays of one solve, allocated once."""
 
-    def __init__(self, problem: Constraints, z: FloatArray, centring: float) -> None:
+    def __init__(self, problem: Constraints, z: FloatArray, centring: float, inside: float) -> None:
         points = problem.cap.size
         velocity = np.zeros((1, 3, points))
         velocity[0, 0] = 1.0 / np.minimum(problem.cap, _NO_CAP)
@@ -128,7 +121,7 @@ class _Iterate:
         self.problem = problem
         self.free_start = np.isnan(problem.start)
         self.z = np.ascontiguousarray(z)
-        self.scale_inside()
+        self.scale_inside(inside)
         bound, y = self.bound_and_value()
         self.slack = np.ascontiguousarray(np.maximum(np.stack([bound - y, bound + y], axis=1), 0.05))
         self.time = float(self.weight @ self.z[0] ** -0.5)
@@ -150,15 +143,15 @@ class _Iterate:
             y += self.rows[:, k] * self.z[k]
         return np.where(self.jerk[:, None], self.z[0] ** -0.5, 1.0), y
 
-    def scale_inside(self) -> None:
-        """Slow the start down until it uses 0.9 of every limit; where a feed is prescribed that is left as it is."""
+    def scale_inside(self, share: float) -> None:
+        """Slow the start down until it uses that share of every limit; not where a feed is prescribed."""
         if not (self.free_start and np.isnan(self.problem.end)):
             return
         _, y = self.bound_and_value()
         used = float(np.abs(y[~self.jerk]).max())
         if self.jerk.any():
             used = max(used, float((np.abs(y[self.jerk]) * np.sqrt(self.z[0])).max()) ** (2.0 / 3.0))
-        self.z *= _START_INSIDE / used
+        self.z *= share / used
 
 
 def solve(
@@ -166,6 +159,7 @@ def solve(
     start: FloatArray,
     *,
     centring: float = 1.0,
+    inside: float = 0.95,
     tolerance: float = GAP_TOLERANCE,
     deadline: float = np.inf,
     progress: Callable[[str, float | None], None] | None = None,
@@ -179,6 +173,8 @@ def solve(
         x, a, c of a cubic spline at all points, x > 0 (see :func:`start_from`).
     centring : float
         Initial sum(s l) as a share of the time: 1 for a rough start, 0.1 for a good one.
+    inside : float
+        Share of the limits that the start is slowed down to: less for a rough one.
     tolerance : float
         Relative gap at which to stop.
     deadline : float
@@ -195,7 +191,7 @@ def solve(
     SolverError
         If no feasible iterate was found.
     """
-    it = _Iterate(problem, start, centring)
+    it = Iterate(problem, start, centring, inside)
     status, count = "", 0
     while not status:
         count += 1
@@ -213,24 +209,13 @@ def solve(
             f"the interior-point method stopped after {count} iterations ({status}) with a violation of "
             f"{it.residual:.2g}; the entry or exit feed may not be attainable"
         )
-    bound, is_global = _lower_bound(it)
     knots = it.z[:, 0::2]
     return Solution(
-        knots[0].copy(),
-        knots[1].copy(),
-        knots[2].copy(),
-        it.time,
-        status,
-        count,
-        it.gap / it.time,
-        it.residual,
-        bound,
-        is_global,
-        it.dual.sum(axis=1),
+        knots[0].copy(), knots[1].copy(), knots[2].copy(), it.time, status, count, it.gap / it.time, it.residual, it
     )
 
 
-def _iterate(it: _Iterate) -> str:
+def _iterate(it: Iterate) -> str:
     """One predictor-corrector step; returns why it cannot go on, or ""."""
     from planner.solvers import kernels
 
@@ -267,7 +252,7 @@ def _length(decrease: float, fraction: float) -> float:
     return float(fraction / decrease) if decrease > fraction else 1.0
 
 
-def _prepare_ends(it: _Iterate) -> None:
+def _prepare_ends(it: Iterate) -> None:
     """Responses of the Newton system to a unit price on each end condition."""
     from planner.solvers import kernels
 
@@ -287,7 +272,7 @@ def _prepare_ends(it: _Iterate) -> None:
         it.ends.append((response, last))
 
 
-def _newton(it: _Iterate, step: FloatArray) -> None:
+def _newton(it: Iterate, step: FloatArray) -> None:
     """Solve for the step, and price the end conditions so that it keeps them."""
     from planner.solvers import kernels
 
@@ -305,8 +290,15 @@ def _newton(it: _Iterate, step: FloatArray) -> None:
         step += p * response
 
 
-def _lower_bound(it: _Iterate) -> tuple[float, bool]:
-    """The bound of the module's text, and whether the iterate is proven globally optimal."""
+def lower_bound(it: Iterate) -> tuple[float, bool]:
+    """The bound of the module's text, and whether the iterate is proven to be the global optimum.
+
+    Returns
+    -------
+    bound : float
+        No plan that keeps the constraints at the collocation points is faster; unit of the problem.
+    is_global : bool
+    """
     from planner.solvers import kernels
 
     without_jerk = acceleration_bound(it.problem)
@@ -351,12 +343,12 @@ def acceleration_bound(problem: Constraints) -> float:
     return float(np.sum(2.0 * problem.h / np.maximum(root[1:] + root[:-1], 1e-300)))
 
 
-def _curvature(it: _Iterate, dual: FloatArray) -> FloatArray:
+def _curvature(it: Iterate, dual: FloatArray) -> FloatArray:
     """w - Lam at every point, coincident points merged into the first of them."""
     merged = it.weight - dual[it.jerk].sum(axis=(0, 1))
-    for k in np.flatnonzero(it.h == 0.0):
-        merged[2 * k] += merged[2 * k + 1] + merged[2 * k + 2]
-        merged[2 * k + 1 : 2 * k + 3] = 0.0
+    first = 2 * np.flatnonzero(it.h == 0.0)
+    merged[first] += merged[first + 1] + merged[first + 2]
+    merged[first + 1] = merged[first + 2] = 0.0
     return merged
 
 

@@ -472,22 +472,24 @@ def _make_feasible(path: _Path, solver: _Ruckig, plan: _Plan, lower: float) -> b
 def _infeasible(
     path: _Path, solver: _Ruckig, start_feed: float, end_feed: float, curve: Curve, u: tuple[float, float]
 ) -> InfeasibleError | SolverError:
-    """Find out, by bisection, which feed at the start or else at the end would do."""
-    for name, place, feeds in (("start_feed", u[0], (1.0, 0.0)), ("end_feed", u[1], (0.0, 1.0))):
-        given = np.array([start_feed, end_feed])
-        share = np.array(feeds)
-        lo, hi = 0.0, 1.0
-        if given @ share == 0.0 or _first_plan(path, solver, *(given * (1.0 - share))) is None:
+    """Find out, by bisection, with which feed at the start, or else at the end, a plan exists."""
+    for name, place, end, given in (("start_feed", u[0], 0, start_feed), ("end_feed", u[1], 1, end_feed)):
+
+        def plans(feed: float, end: int = end) -> bool:
+            feeds = (feed, end_feed) if end == 0 else (start_feed, feed)
+            return _first_plan(path, solver, *feeds) is not None
+
+        if given == 0.0 or not plans(0.0):
             continue
-        while hi - lo > 1e-4:
+        lo, hi = 0.0, min(given, float(path.limit[-end]))
+        if plans(hi):
+            lo = hi
+        while hi - lo > 1e-6 * hi:
             middle = 0.5 * (lo + hi)
-            if _first_plan(path, solver, *(given * (1.0 - (1.0 - middle) * share))) is None:
-                hi = middle
-            else:
-                lo = middle
+            lo, hi = (middle, hi) if plans(middle) else (lo, middle)
         return InfeasibleError(
-            f"{curve.name}: {name} = {given @ share:.9g} mm/s is too fast at u = {place:.9g}; method = \"scurve\" "
-            f"finds a plan up to {lo * (given @ share):.6g} mm/s"
+            f'{curve.name}: {name} = {given:.9g} mm/s is too fast at u = {place:.9g}; the largest allowed with method = "scurve" '
+            f"is {lo:.6g} mm/s"
         )
     return SolverError(
         f"{curve.name}: no S-curves were found between u = {u[0]:.9g} and {u[1]:.9g} that hold every limit; use "
@@ -551,6 +553,7 @@ def _search_nodes(
     count, h = _NODE_MOVES.shape[0], step[nodes, None]
     room = np.minimum(plan.s[nodes] - plan.s[nodes - 1], plan.s[nodes + 1] - plan.s[nodes])[:, None]
     v = plan.v[nodes, None] * np.exp(h * _NODE_MOVES[:, 0])
+    room[np.isin(plan.s[nodes], path.jumps)] = 0.0
     s = plan.s[nodes, None] + 0.6 * h * room * _NODE_MOVES[:, 1]
     pace = np.exp(h * _NODE_MOVES[:, 2])[..., None] ** np.array([0.0, 1.0, 1.0, 1.0])
     tops = np.minimum(np.stack([plan.tops[nodes - 1], plan.tops[nodes]])[:, :, None] * pace, path.tops)
@@ -633,8 +636,9 @@ def _time_law(
         broken = np.flatnonzero(np.append(~np.isnan(known[1:]), True))
         end_law[:, broken] = _rates_of_u(curve, limits, u[broken + 1], state[:, broken + 1], jerk[of[broken]], "left")[0]
         c3 = quintic_coefficients(gap, (u[:-1], law[0], law[1]), (u[1:], end_law[0], end_law[1]))[3]
-        off = np.maximum(np.abs(6.0 * c3 - law[2]) - _rounding(u[1:], law[0] * t[1:], gap), 0.0)
-        coarse = (off * per_jerk > _JERK_ERROR) | (0.009 * off * gap**2 * per_feed > _FEED_ERROR * plan.v.max())
+        noise = _rounding((t, u, law[0], law[1]), gap, np.arange(gap.size))[2]
+        off = np.maximum(np.abs(6.0 * c3 - law[2]) - noise, 0.0)
+        coarse = (off * per_jerk > _JERK_ERROR) | (0.009 * off * gap**2 * per_feed > _FEED_ERROR * states[1].max())
         if not coarse.any():
             break
         of, since = np.append(of, of[coarse]), np.append(since, (since + 0.5 * gap)[coarse])
@@ -645,9 +649,11 @@ def _time_law(
     return np.insert(t, at, t[at]), np.insert(u, at, u[at]), rates[0], rates[1]
 
 
-def _rounding(u: FloatArray, moved: FloatArray, gap: FloatArray) -> FloatArray:
-    """What the last digits of u and t at the nodes do to the third derivative of the quintic between them."""
-    return 120.0 * np.finfo(float).eps * (np.abs(u) + np.abs(moved)) / gap**3
+def _rounding(nodes: Nodes, gap: FloatArray, inner: IntArray) -> FloatArray:
+    """What the last digits of u (found from s by inversion) and of t do to the quintics' derivatives 1, 2, 3; (3, n)."""
+    t, u, rate, _ = nodes
+    digit = 2.0 * np.finfo(float).eps * (np.abs(u).max() + rate[inner] * t[inner + 1])
+    return digit * np.array([[4.0], [14.0], [60.0]]) / gap ** np.array([[1.0], [2.0], [3.0]])
 
 
 def _crossings(
@@ -689,8 +695,8 @@ def _used_exactly(curve: Curve, limits: Limits, nodes: Nodes) -> FloatArray:
     u1 = c[1] + w * (2.0 * c[2] + w * (3.0 * c[3] + w * (4.0 * c[4] + w * 5.0 * c[5])))
     u2 = 2.0 * c[2] + w * (6.0 * c[3] + w * (12.0 * c[4] + w * 20.0 * c[5]))
     u3 = 6.0 * c[3] + w * (24.0 * c[4] + w * 60.0 * c[5])
-    slack = _rounding(u[inner + 1], rate[inner] * t[inner + 1], gap)
-    u3 = np.sign(u3) * np.maximum(np.abs(u3) - slack, 0.0)
+    noise = _rounding(nodes, gap, inner)
+    u1, u2, u3 = (x - np.clip(x, -noise[k], noise[k]) for k, x in enumerate((u1, u2, u3)))
     jumps = [b.u for b in curve.breaks if b.geometric == 1 and u[0] < b.u < u[-1]]
     jump_t = np.unique(t[np.isin(u, jumps)])
     when = t[inner] + w

@@ -1,0 +1,202 @@
+"""Which room may import which, read from the source; and what importing the packages may load."""
+
+import ast
+import subprocess
+import sys
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGES = ("planner", "interp")
+
+# A room may import the rooms before it in this list, and itself.
+ORDER = ["planner.errors", "planner.geometry", "planner.limits"]
+# Rooms on limits, which solvers read; then what stands on the solvers or beside them.
+ABOVE_LIMITS = ("planner.constraints", "planner.profile", "planner.sections", "planner.grid", "planner.law")
+UPPER = (
+    "planner.plan", "planner.check", "planner.tables", "planner.ngc", "planner.plots", "planner.verdict", "planner.cli",
+)  # fmt: skip
+HEAVY = ("casadi", "toppra", "ruckig", "matplotlib", "numba", "scipy", "pydantic", "typer", "rich")
+
+
+def module_name(path: Path) -> str:
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+MODULES = {module_name(path): path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))}
+
+
+def resolve(name: str) -> str:
+    """The module of ours that holds a dotted name, or the name itself."""
+    while name not in MODULES and "." in name and name.split(".", maxsplit=1)[0] in PACKAGES:
+        name = name.rpartition(".")[0]
+    return name
+
+
+@cache
+def syntax(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+@cache
+def homes() -> dict[str, str]:
+    """Public names of planner, by the module that the package loads them from."""
+    import planner
+
+    return dict(planner._MODULE_OF)
+
+
+def is_for_types_only(node: ast.If) -> bool:
+    return isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
+
+
+def imports(module: str, *, types: bool = True, nested: bool = True) -> set[str]:
+    """Modules that a module imports; without those for types only, or inside functions, on demand."""
+    public = homes()
+    package = module if MODULES[module].name == "__init__.py" else module.rpartition(".")[0]
+
+    def visit(node: ast.AST) -> Iterator[str]:
+        if isinstance(node, ast.Import):
+            yield from (resolve(alias.name) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            source = node.module or ""
+            if node.level:
+                parent = package.rsplit(".", node.level - 1)[0] if node.level > 1 else package
+                source = f"{parent}.{source}".rstrip(".")
+            for alias in node.names:
+                if source == "planner" and alias.name in public:
+                    yield public[alias.name]
+                else:
+                    yield resolve(f"{source}.{alias.name}") if source.split(".")[0] in PACKAGES else source
+        elif isinstance(node, ast.If) and is_for_types_only(node) and not types:
+            for child in node.orelse:
+                yield from visit(child)
+        elif nested or not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            for child in ast.iter_child_nodes(node):
+                yield from visit(child)
+
+    return set(visit(syntax(MODULES[module])))
+
+
+def ours(names: set[str]) -> set[str]:
+    return {name for name in names if name.split(".")[0] in PACKAGES}
+
+
+def within(name: str, *rooms: str) -> bool:
+    return any(name == room or name.startswith(room + ".") for room in rooms)
+
+
+def reached(module: str) -> set[str]:
+    """Every module of ours that a module imports, directly or not, also on demand."""
+    seen: set[str] = set()
+    todo = [module]
+    while todo:
+        for name in ours(imports(todo.pop())) - seen:
+            if name not in PACKAGES:
+                seen.add(name)
+                todo.append(name)
+    return seen
+
+
+class TestTheScanItself:
+    """The rules below would hold of nothing if the scan saw nothing."""
+
+    def test_finds_the_modules(self):
+        assert {"planner", "interp", "planner.errors", "planner.geometry.curve", "planner.limits"} <= set(MODULES)
+
+    def test_finds_imports_on_demand_and_for_types(self):
+        curve = imports("planner.geometry.curve")
+        assert {"planner.errors", "planner.geometry.kernels", "planner.geometry.arclength", "numpy"} <= curve
+        assert "planner.geometry.kernels" not in imports("planner.geometry.curve", nested=False)
+        assert "planner.geometry.arclength" not in imports("planner.geometry.curve", types=False, nested=False)
+
+    def test_follows_the_imports(self):
+        assert {"planner.errors", "planner.geometry.curve", "planner.geometry.inputs"} <= reached("planner.limits")
+
+    def test_sees_through_the_package(self, tmp_path, monkeypatch):
+        source = "from planner import plan_feedrate\nfrom planner.solvers import nlp\nimport matplotlib.pyplot as plt\n"
+        path = tmp_path / "probe.py"
+        path.write_text(source)
+        monkeypatch.setitem(MODULES, "planner.probe", path)
+        found = imports("planner.probe")
+        assert "planner.plan" in found
+        assert any(within(name, "planner.solvers") for name in found)
+        assert "matplotlib.pyplot" in found
+
+    def test_resolves_relative_imports(self, tmp_path, monkeypatch):
+        path = tmp_path / "probe.py"
+        path.write_text("from . import kernels\nfrom .. import limits\nfrom .curve import Curve\n")
+        monkeypatch.setitem(MODULES, "planner.geometry.probe", path)
+        expected = {"planner.geometry.kernels", "planner.limits", "planner.geometry.curve"}
+        assert imports("planner.geometry.probe") == expected
+
+
+class TestRooms:
+    @pytest.mark.parametrize("module", [m for m in MODULES if within(m, *ORDER)])
+    def test_lower_rooms_import_only_what_lies_below(self, module):
+        room = next(i for i, name in enumerate(ORDER) if within(module, name))
+        upward = {name for name in ours(imports(module)) if not within(name, *ORDER[: room + 1])}
+        assert upward == set()
+
+    @pytest.mark.parametrize("module", [m for m in MODULES if within(m, *ABOVE_LIMITS)])
+    def test_profile_and_constraints_lie_below_the_solvers(self, module):
+        assert not {name for name in reached(module) if within(name, "planner.solvers", *UPPER)}
+
+    def test_profile_needs_no_constraints(self):
+        assert not {name for name in reached("planner.profile") if within(name, "planner.constraints")}
+
+    @pytest.mark.parametrize("module", [m for m in MODULES if within(m, "planner.solvers")])
+    def test_solvers_lie_below_the_plan(self, module):
+        assert not {name for name in reached(module) if within(name, *UPPER)}
+
+    @pytest.mark.skipif("planner.check" not in MODULES, reason="there is no check")
+    def test_check_shares_nothing_with_the_planner(self):
+        forbidden = ("planner.constraints", "planner.grid", "planner.law", "planner.plan", "planner.sections")
+        assert not {name for name in reached("planner.check") if within(name, *forbidden, "planner.solvers")}
+
+    @pytest.mark.parametrize("module", [m for m in MODULES if within(m, "interp")])
+    def test_interp_needs_only_geometry_limits_and_profile(self, module):
+        allowed = ("interp", "planner.errors", "planner.geometry", "planner.limits", "planner.profile")
+        assert {name for name in ours(imports(module)) if not within(name, *allowed)} == set()
+        assert not {name for name in imports(module) if name.split(".")[0] in {"casadi", "toppra", "ruckig"}}
+
+    def test_only_the_command_line_imports_both_packages(self):
+        both = {m for m in MODULES if within(m, "planner") and any(within(n, "interp") for n in imports(m))}
+        assert both <= {"planner.cli"}
+
+    def test_nobody_imports_the_command_line(self):
+        assert {m for m in MODULES if "planner.cli" in imports(m)} <= {"planner.__main__"}
+
+    def test_only_plots_imports_matplotlib(self):
+        users = {m for m in MODULES if any(name.split(".")[0] == "matplotlib" for name in imports(m))}
+        assert users <= {"planner.plots"}
+
+    def test_no_circles_between_modules(self):
+        below = {m: ours(imports(m, types=False, nested=False)) - set(PACKAGES) - {m} for m in MODULES}
+        done: set[str] = set()
+        while ready := {m for m in below if m not in done and below[m] <= done}:
+            done |= ready
+        assert set(below) - done == set()
+
+    def test_kernels_are_the_only_modules_that_need_numba_to_load(self):
+        users = {m for m in MODULES if any(n.split(".")[0] == "numba" for n in imports(m, types=False, nested=False))}
+        assert {name.rpartition(".")[2].strip("_") for name in users} <= {"kernels"}
+
+
+class TestLoading:
+    @pytest.mark.parametrize(
+        "statement", ["import planner", "import interp", "from planner import load_limits, Limits"]
+    )
+    def test_importing_loads_no_heavy_library(self, statement):
+        script = f"import sys; {statement}; print(*(m for m in {HEAVY!r} if m in sys.modules))"
+        run = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True)
+        assert run.stdout.split() == []
+
+    def test_every_public_name_is_there(self):
+        script = "import planner, interp; [getattr(p, n) for p in (planner, interp) for n in p.__all__]; print('all')"
+        run = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True)
+        assert run.stdout.split() == ["all"]
