@@ -667,33 +667,45 @@ def _check_steps(motion: _Motion, scan: _Scan, limits: Limits, rows: _Rows, dens
     found = np.flatnonzero((sizes[1] > _ACCELERATION_STEP * acceleration).any(axis=1))
     if found.size == 0:
         return
-    total = _sampled_steps(t[found], steps[1, found], period)
-    total += _jerk_near(motion, scan, t[found], _STEP_REACH * period, density)
+    t, u, steps = t[found], u[found], steps[1, found]
+    near = _jerk_near(motion, scan, t, _STEP_REACH * period, density)
+    phases = np.linspace(-1.5, 1.5, 13)
+    height, at = np.empty((t.size, dim)), np.empty((t.size, dim))
+    for some in _chunks(t.size, phases.size * dim):
+        seen = _sampled_steps(t[some, None] + phases * period, t, steps, period)
+        height[some], top = _peaks(np.moveaxis(seen, 1, -1))
+        at[some] = t[some, None] + phases[top] * period
     for j in range(dim):
-        k = int(total[:, j].argmax())
-        place = (t[found[k]], u[found[k]])
-        rows.add("jerk at a curvature break", total[k, j], limits.jerk[j], place, j=j)
+        best = np.argsort(-(height[:, j] + near[:, j]), kind="stable")[:_CANDIDATES]
+        half = np.full(best.size, 0.25 * period)
+
+        def rise(x: FloatArray, j: int = j) -> FloatArray:
+            return _sampled_steps(x, t, steps, period)[..., j]
+
+        x = _zoom(rise, at[best, j], half, at[best, j] - half, at[best, j] + half)
+        total = rise(x[:, None])[:, 0] + near[best, j]
+        k = int(total.argmax())
+        rows.add("jerk at a curvature break", total[k], limits.jerk[j], (t[best[k]], u[best[k]]), j=j)
 
 
-def _sampled_steps(t: FloatArray, steps: FloatArray, period: float) -> FloatArray:
-    """Largest |third difference| / T^3 that each step of the acceleration (m, dim) makes, neighbours within 3 T added.
+def _sampled_steps(at: FloatArray, t: FloatArray, steps: FloatArray, period: float) -> FloatArray:
+    """|third difference| / T^3 of samples centred at the times ``at`` (n, k), by steps of the acceleration; (n, k, dim).
 
-    A step D at time t_i adds D B((t - t_i) / T) / T to the jerk of the samples centred at t, with the quadratic
-    B-spline B(z) = 3/4 - z^2 for |z| <= 1/2, (3/2 - |z|)^2 / 2 for |z| <= 3/2.
+    A step D at the time t_i makes D B((at - t_i) / T) / T, with the quadratic B-spline
+
+        B(z) = 3/4 - z^2 for |z| <= 1/2,   (3/2 - |z|)^2 / 2 for |z| <= 3/2,
+
+    and those of steps that are close together add up.
     """
-    z = np.linspace(-1.5, 1.5, 13)
-
-    def spline(at: FloatArray) -> FloatArray:
-        size = np.abs(at)
-        return np.where(size <= 0.5, 0.75 - size**2, 0.5 * np.maximum(1.5 - size, 0.0) ** 2)[:, :, None]
-
-    total = spline(np.broadcast_to(z, (t.size, z.size))) * steps[:, None]
-    apart = 1
-    while apart < t.size and (gap := (t[apart:] - t[:-apart]) / period).min() < _STEP_REACH:
-        total[:-apart] += spline(z - gap[:, None]) * steps[apart:, None]
-        total[apart:] += spline(z + gap[:, None]) * steps[:-apart, None]
-        apart += 1
-    return _peaks(np.moveaxis(np.abs(total), 1, -1))[0] / period
+    first = np.searchsorted(t, at - 1.5 * period)
+    last = np.searchsorted(t, at + 1.5 * period, side="right")
+    total = np.zeros((*at.shape, steps.shape[1]))
+    for k in range(int((last - first).max())):
+        i = np.minimum(first + k, t.size - 1)
+        z = np.abs(at - t[i]) / period
+        spline = np.where(z <= 0.5, 0.75 - z**2, 0.5 * np.maximum(1.5 - z, 0.0) ** 2)
+        total += np.where(first + k < last, spline, 0.0)[..., None] * steps[i]
+    return np.asarray(np.abs(total) / period)
 
 
 def _jerk_near(motion: _Motion, scan: _Scan, t: FloatArray, reach: float, density: int) -> FloatArray:

@@ -88,9 +88,7 @@ class Path:
     curvature: FloatArray
 
 
-def path_at(
-    section: Section, limits: Limits, sigma: FloatArray, u: FloatArray, left: NDArray[np.bool_]
-) -> Path:
+def path_at(section: Section, limits: Limits, sigma: FloatArray, u: FloatArray, left: NDArray[np.bool_]) -> Path:
     """Evaluate the path of a section at sigma, where the curve parameter is u; from the left where ``left`` is true."""
     curve = section.curve
     rest = section.rest_map(sigma)
@@ -132,8 +130,8 @@ def build(
     x_guess, duration = _guess(section, grid, guess)
     scale = section.span / grid.intervals
     tau = duration / grid.intervals
-    cap = _cap(limits, path)
-    rows_a, rows_j = _rows(limits, path)
+    cap = speed_cap(limits, path)
+    rows_a, rows_j = acceleration_rows(limits, path), jerk_rows(limits, path)
     for b in section.jumps:
         _soften_jump(b.u, limits, grid, path, cap, rows_j)
     rows_a[:, :, empty] = 0.0
@@ -166,7 +164,7 @@ def build(
     return constraints, path
 
 
-def _cap(limits: Limits, path: Path) -> FloatArray:
+def speed_cap(limits: Limits, path: Path) -> FloatArray:
     """Largest x that feed, chord error and axis velocities allow at each point."""
     feed = np.minimum(limits.feed, chord_feed_limit(path.curvature, limits))
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -174,17 +172,22 @@ def _cap(limits: Limits, path: Path) -> FloatArray:
     return np.where(np.isnan(speed), np.inf, speed) ** 2
 
 
-def _rows(limits: Limits, path: Path) -> tuple[FloatArray, FloatArray]:
-    """Rows of the axes (and of the tip's arc length) that have a finite acceleration or jerk limit, scaled to 1."""
-    motions = [(path.axes[:, :, j], limits.acceleration[j], limits.jerk[j]) for j in range(limits.dim)]
-    motions.append((path.tip, limits.tangential_acceleration, limits.tangential_jerk))
-    points = path.curvature.size
-    rows_a = [np.stack([q[2], q[1]]) / bound for q, bound, _ in motions if np.isfinite(bound)]
-    rows_j = [np.stack([q[3], 3.0 * q[2], q[1]]) / bound for q, _, bound in motions if np.isfinite(bound)]
-    return (
-        np.array(rows_a).reshape(len(rows_a), 2, points),
-        np.array(rows_j).reshape(len(rows_j), 3, points),
-    )
+def _motions(limits: Limits, path: Path) -> list[tuple[FloatArray, float, float]]:
+    """Derivatives of each axis and of the tip's arc length, with its acceleration and jerk limit."""
+    axes = [(path.axes[:, :, j], limits.acceleration[j], limits.jerk[j]) for j in range(limits.dim)]
+    return [*axes, (path.tip, limits.tangential_acceleration, limits.tangential_jerk)]
+
+
+def acceleration_rows(limits: Limits, path: Path) -> FloatArray:
+    """Rows (m, 2, p) of the axes (and of the tip's arc length) that have a finite acceleration limit, scaled to 1."""
+    rows = [np.stack([q[2], q[1]]) / bound for q, bound, _ in _motions(limits, path) if np.isfinite(bound)]
+    return np.array(rows).reshape(len(rows), 2, path.curvature.size)
+
+
+def jerk_rows(limits: Limits, path: Path) -> FloatArray:
+    """Rows (l, 3, p) of the axes (and of the tip's arc length) that have a finite jerk limit, scaled to 1."""
+    rows = [np.stack([q[3], 3.0 * q[2], q[1]]) / bound for q, _, bound in _motions(limits, path) if np.isfinite(bound)]
+    return np.array(rows).reshape(len(rows), 3, path.curvature.size)
 
 
 def _soften_jump(at: float, limits: Limits, grid: Grid, path: Path, cap: FloatArray, rows_j: FloatArray) -> None:

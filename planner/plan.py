@@ -293,10 +293,12 @@ def _solve_and_refine(
         raise SolverError("no round of refinement was run")
     if iterate is None:
         return best
+    from planner.bounds import without_jerk
     from planner.solvers.optimal import lower_bound
 
     bound, is_global = lower_bound(iterate)
-    return replace(best, lower_bound=bound * unit, stats=best.stats | {"global": is_global})
+    bound = max(bound * unit, without_jerk(section, limits, grid)[1])
+    return replace(best, lower_bound=bound, stats=best.stats | {"global": is_global})
 
 
 def _by_interval(values: FloatArray, grid: Grid) -> FloatArray:
@@ -341,9 +343,7 @@ def _solve(
             "a prescribed feed must be attainable under the limits, lower it"
         ) from None
     scale = problem.length_unit
-    found = SpeedLaw(
-        grid.sigma, solution.x * per_x, solution.a * per_x / scale, solution.c * per_x / scale**2
-    )
+    found = SpeedLaw(grid.sigma, solution.x * per_x, solution.a * per_x / scale, solution.c * per_x / scale**2)
     return found, path, solution, problem.time_unit
 
 
@@ -383,9 +383,7 @@ def _chain(parts: list[TimeNodes]) -> TimeNodes:
     )
 
 
-def _collect(
-    sections: list[Section], plans: list[SectionPlan], limits: Limits, exact_stop: bool
-) -> dict[str, Any]:
+def _collect(sections: list[Section], plans: list[SectionPlan], limits: Limits, exact_stop: bool) -> dict[str, Any]:
     """What the solver did, over all sections, and what a reader of the verdict should know of the path."""
     notes = [f"exact stop at u = {section.u_start:.6g}" for section in sections[1:]]
     for section in sections:
@@ -405,5 +403,6 @@ def _collect(
         found = [s[key] for s in every if key in s]
         if found:
             stats[key] = max(found)
+    stats |= {"exact_stop": exact_stop, "periodic": any(np.isnan(s.start_feed or 0.0) for s in sections)}
     stats["global"] = all(s.get("global", False) for s in every)
     return stats

@@ -21,6 +21,7 @@ down to the stop; velocity and acceleration of every axis vanish there by themse
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -193,7 +194,7 @@ def cut(
     weights = axis_weights(limits)
     arc: ArcLength | None = None
     sections = []
-    for i, (u0, u1) in enumerate(zip(at_rest[:-1], at_rest[1:], strict=True)):
+    for i, (u0, u1) in enumerate(pairwise(at_rest)):
         inside = [b for b in curve.breaks if u0 < b.u < u1]
         smooth = all(b.parametric >= 2 for b in inside)
         if not smooth and arc is None:

@@ -412,10 +412,8 @@ def test_a_limit_lowered_by_a_thousandth_is_found_on_the_samples(
     if name not in {"feed", "chord error"}:
         order = {"velocity": 1}.get(name, 3 if "jerk" in name else 2)
         at = np.clip(row.t + 1e-3 * (np.arange(order + 1) - order / 2), 0.0, ellipse_plan.duration)
-        if axis is None:
-            moved = ellipse.arclength.s(ellipse_plan.at(at).u)
-        else:
-            moved = ellipse_position(ellipse_plan, at)[:, axis]
+        along = ellipse.arclength.s(ellipse_plan.at(at).u)
+        moved = along if axis is None else ellipse_position(ellipse_plan, at)[:, axis]
         assert abs(np.diff(moved, order)[0]) / 1e-3**order == pytest.approx(row.worst, rel=1e-5)
 
 

@@ -4,6 +4,7 @@ Layout: points run along the last axis of every array, so the loops over points 
 
     rows   (m, 3, p)   r of each two-sided row |r . (x, a, c)| <= b
     jerk   (m,)        True where b = x^(-1/2), False where b = 1
+    chord  (2, p)      where chord[0] > 0, b = chord[0] + chord[1] x in the jerk rows instead of x^(-1/2)
     slack, dual, product (m, 2, p)   of the upper and the lower side
     z, step (3, p)     x, a, c at every point
     hessian (6, p)     xx, xa, xc, aa, ac, cc
@@ -29,19 +30,20 @@ _BLOCK = 512  # points a block: its scratch stays in the first-level cache
 
 
 @njit(
-    NOTHING(READ3, FLAGS, READ2, READ3, READ3, READ3, READ1, F64, F64, FLAG, FLAG, WRITE2, WRITE2),
+    NOTHING(READ3, FLAGS, READ2, READ2, READ3, READ3, READ3, READ1, F64, F64, FLAG, FLAG, WRITE2, WRITE2),
     cache=True,
     fastmath=_FAST,
     error_model="numpy",
 )
-def condense(rows, jerk, z, slack, dual, product, weight, target, corrector, clip, factorise, hessian, gradient):
-    """Eliminate slacks and multipliers: gradient (and Hessian, with ``factorise``) of the barrier problem at every point.
+def condense(rows, jerk, chord, z, slack, dual, product, weight, target, corrector, clip, factorise, hessian, gradient):  # noqa: PLR0912
+    """Eliminate slacks and multipliers: gradient (and Hessian, with ``factorise``) of the barrier problem.
 
     ``target`` is the complementarity aimed at, less ``corrector`` times the ``product`` of the affine steps; ``clip``
     drops negative curvature of the objective.
     """
     points = z.shape[1]
     root, slope, curvature = np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK)
+    inverse, exact = np.empty(_BLOCK), np.empty(_BLOCK)
     pull, push, stiff, twist = np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK)
     for lo in range(0, points, _BLOCK):
         n = min(_BLOCK, points - lo)
@@ -49,12 +51,15 @@ def condense(rows, jerk, z, slack, dual, product, weight, target, corrector, cli
         gx, ga, gc = gradient[0, lo : lo + n], gradient[1, lo : lo + n], gradient[2, lo : lo + n]
         hxx, hxa, hxc = hessian[0, lo : lo + n], hessian[1, lo : lo + n], hessian[2, lo : lo + n]
         haa, hac, hcc = hessian[3, lo : lo + n], hessian[4, lo : lo + n], hessian[5, lo : lo + n]
+        level, tilt = chord[0, lo : lo + n], chord[1, lo : lo + n]
         for i in range(n):
-            root[i] = 1.0 / np.sqrt(x[i])
-            slope[i] = -0.5 * root[i] / x[i]
+            inverse[i] = 1.0 / np.sqrt(x[i])
             curvature[i] = w[i]
+            exact[i] = 1.0 if level[i] == 0.0 else 0.0
+            root[i] = exact[i] * inverse[i] + level[i] + tilt[i] * x[i]
+            slope[i] = -0.5 * exact[i] * inverse[i] / x[i] + tilt[i]
         for i in range(n):
-            gx[i] = w[i] * slope[i]
+            gx[i] = -0.5 * w[i] * inverse[i] / x[i]
         ga[:] = 0.0
         gc[:] = 0.0
         if factorise:
@@ -82,7 +87,7 @@ def condense(rows, jerk, z, slack, dual, product, weight, target, corrector, cli
                 gc[i] += pull[i] * rc[i]
             if factorise:
                 for i in range(n):
-                    curvature[i] -= is_jerk * (dual_up[i] + dual_down[i])
+                    curvature[i] -= is_jerk * exact[i] * (dual_up[i] + dual_down[i])
                 for i in range(n):
                     hxx[i] += stiff[i] * (rx[i] * rx[i] + is_jerk * slope[i] * slope[i]) - 2.0 * twist[i] * rx[i]
                     hxa[i] += stiff[i] * rx[i] * ra[i] - twist[i] * ra[i]
@@ -94,16 +99,16 @@ def condense(rows, jerk, z, slack, dual, product, weight, target, corrector, cli
         if factorise:
             for i in range(n):
                 kept = max(curvature[i], 0.0) if clip else curvature[i]
-                hxx[i] += kept * 0.75 * root[i] / (x[i] * x[i])
+                hxx[i] += kept * 0.75 * inverse[i] / (x[i] * x[i])
 
 
 @njit(
-    NOTHING(READ3, FLAGS, READ2, READ3, READ3, WRITE3, READ2, F64, F64, FLAG, WRITE1),
+    NOTHING(READ3, FLAGS, READ2, READ2, READ3, READ3, WRITE3, READ2, F64, F64, FLAG, WRITE1),
     cache=True,
     fastmath=_FAST,
     error_model="numpy",
 )
-def measure(rows, jerk, z, slack, dual, product, step, target, corrector, keep, out):
+def measure(rows, jerk, chord, z, slack, dual, product, step, target, corrector, keep, out):
     """Write what a step needs to know of itself into ``out``; with ``keep`` also the products ds * dl.
 
     0, 1: largest relative decrease of a slack and of a multiplier; 2..4: sums of ds*l, s*dl and ds*dl; 5: largest
@@ -119,9 +124,12 @@ def measure(rows, jerk, z, slack, dual, product, step, target, corrector, keep, 
         n = min(_BLOCK, points - lo)
         x, a, c = z[0, lo : lo + n], z[1, lo : lo + n], z[2, lo : lo + n]
         dx, da, dc = step[0, lo : lo + n], step[1, lo : lo + n], step[2, lo : lo + n]
+        level, tilt = chord[0, lo : lo + n], chord[1, lo : lo + n]
         for i in range(n):
-            root[i] = 1.0 / np.sqrt(x[i])
-            slope[i] = -0.5 * root[i] / x[i]
+            exact = 1.0 if level[i] == 0.0 else 0.0
+            root[i] = exact / np.sqrt(x[i])
+            slope[i] = -0.5 * root[i] / x[i] + tilt[i]
+            root[i] += level[i] + tilt[i] * x[i]
             loss[i] = -dx[i] / x[i]
         worst_s[:] = 0.0
         worst_l[:] = 0.0
@@ -140,8 +148,8 @@ def measure(rows, jerk, z, slack, dual, product, step, target, corrector, keep, 
                 v1, v2 = 1.0 / up[i], 1.0 / down[i]
                 dl1 = (target - corrector * both_up[i] - dual_up[i] * ds1) * v1 - dual_up[i]
                 dl2 = (target - corrector * both_down[i] - dual_down[i] * ds2) * v2 - dual_down[i]
-                worst_s[i] = max(worst_s[i], max(-ds1 * v1, -ds2 * v2))
-                worst_l[i] = max(worst_l[i], max(-dl1 / dual_up[i], -dl2 / dual_down[i]))
+                worst_s[i] = max(worst_s[i], -ds1 * v1, -ds2 * v2)
+                worst_l[i] = max(worst_l[i], -dl1 / dual_up[i], -dl2 / dual_down[i])
                 sum_dsl += ds1 * dual_up[i] + ds2 * dual_down[i]
                 sum_sdl += up[i] * dl1 + down[i] * dl2
                 prod_up[i], prod_down[i] = ds1 * dl1, ds2 * dl2
@@ -157,12 +165,12 @@ def measure(rows, jerk, z, slack, dual, product, step, target, corrector, keep, 
 
 
 @njit(
-    NOTHING(READ3, FLAGS, WRITE2, WRITE3, WRITE3, READ3, READ1, READ2, F64, F64, F64, F64, WRITE1),
+    NOTHING(READ3, FLAGS, READ2, WRITE2, WRITE3, WRITE3, READ3, READ1, READ2, F64, F64, F64, F64, WRITE1),
     cache=True,
     fastmath=_FAST,
     error_model="numpy",
 )
-def advance(rows, jerk, z, slack, dual, product, weight, step, target, corrector, primal, dual_length, out):
+def advance(rows, jerk, chord, z, slack, dual, product, weight, step, target, corrector, primal, dual_length, out):
     """Take the step; write the time, the gap sum(s l) and the largest relative primal residual into ``out``.
 
     A slack becomes the larger of its linear prediction and its true value: x^(-1/2) is convex, so at zero residual the
@@ -175,11 +183,16 @@ def advance(rows, jerk, z, slack, dual, product, weight, step, target, corrector
         n = min(_BLOCK, points - lo)
         x, a, c, w = z[0, lo : lo + n], z[1, lo : lo + n], z[2, lo : lo + n], weight[lo : lo + n]
         dx, da, dc = step[0, lo : lo + n], step[1, lo : lo + n], step[2, lo : lo + n]
+        level, tilt = chord[0, lo : lo + n], chord[1, lo : lo + n]
         for i in range(n):
-            root[i] = 1.0 / np.sqrt(x[i])
-            slope[i] = -0.5 * root[i] / x[i]
-            new[i] = 1.0 / np.sqrt(x[i] + primal * dx[i])
+            exact = 1.0 if level[i] == 0.0 else 0.0
+            root[i] = exact / np.sqrt(x[i])
+            slope[i] = -0.5 * root[i] / x[i] + tilt[i]
+            root[i] += level[i] + tilt[i] * x[i]
+            after = x[i] + primal * dx[i]
+            new[i] = 1.0 / np.sqrt(after)
             time += w[i] * new[i]
+            new[i] = exact * new[i] + level[i] + tilt[i] * after
         residual[:] = 0.0
         for r in range(rows.shape[0]):
             is_jerk = 1.0 if jerk[r] else 0.0
@@ -230,7 +243,7 @@ def factor(h, hessian, gains, root):
         # next state: x + 2d a + 2/3 d^2 c + 1/3 d^2 v,  a + d/2 c + d/2 v,  v
         t1, t2, t3, t4 = 2.0 * d, 2.0 / 3.0 * d * d, 0.5 * d, d * d / 3.0
         # P times the columns of a, c and v
-        ax, aa, ac = t1 * pxx + pxa, t1 * pxa + paa, t1 * pxc + pac
+        ax, aa = t1 * pxx + pxa, t1 * pxa + paa
         cx, ca, cc = t2 * pxx + t3 * pxa, t2 * pxa + t3 * paa, t2 * pxc + t3 * pac
         vx, va, vc = t4 * pxx + t3 * pxa + pxc, t4 * pxa + t3 * paa + pac, t4 * pxc + t3 * pac + pcc
         qxx, qxa, qxc, qxv = pxx, ax, cx, vx
@@ -241,7 +254,7 @@ def factor(h, hessian, gains, root):
         hxx, hxa, hxc = hessian[0, m], hessian[1, m], hessian[2, m]
         haa, hac, hcc = hessian[3, m], hessian[4, m], hessian[5, m]
         m1, m2, m3, m4 = 5.0 / 24.0 * d * d, 0.375 * d, d * d / 24.0, 0.125 * d
-        ax, aa, ac = d * hxx + hxa, d * hxa + haa, d * hxc + hac
+        ax, aa = d * hxx + hxa, d * hxa + haa
         cx, ca, cc = m1 * hxx + m2 * hxa + 0.5 * hxc, m1 * hxa + m2 * haa + 0.5 * hac, m1 * hxc + m2 * hac + 0.5 * hcc
         vx, va, vc = m3 * hxx + m4 * hxa + 0.5 * hxc, m3 * hxa + m4 * haa + 0.5 * hac, m3 * hxc + m4 * hac + 0.5 * hcc
         qxx += hxx + hessian[0, i]
@@ -285,7 +298,9 @@ def solve(h, gains, root, gradient, first, last, fixed_start, feed_forward, step
         lv = d * d / 3.0 * px + 0.5 * d * pa + pc + d * d / 24.0 * mx + 0.125 * d * ma + 0.5 * mc
         lx = px + mx + gradient[0, i]
         la = 2.0 * d * px + pa + d * mx + ma + gradient[1, i]
-        lc = 2.0 / 3.0 * d * d * px + 0.5 * d * pa + 5.0 / 24.0 * d * d * mx + 0.375 * d * ma + 0.5 * mc + gradient[2, i]
+        lc = (
+            2.0 / 3.0 * d * d * px + 0.5 * d * pa + 5.0 / 24.0 * d * d * mx + 0.375 * d * ma + 0.5 * mc + gradient[2, i]
+        )
         px, pa, pc = lx - gains[0, k] * lv, la - gains[1, k] * lv, lc - gains[2, k] * lv
         feed_forward[k] = lv / gains[3, k]
     px, pa, pc = px + first[0], pa + first[1], pc + first[2]
@@ -316,12 +331,14 @@ def solve(h, gains, root, gradient, first, last, fixed_start, feed_forward, step
     step[0, end], step[1, end], step[2, end] = x, a, c
 
 
-@njit(NOTHING(READ3, FLAGS, READ2, READ3, READ1, WRITE2), cache=True, error_model="numpy")
-def lagrangian(rows, jerk, z, dual, weight, gradient):
+@njit(NOTHING(READ3, FLAGS, READ2, READ2, READ3, READ1, WRITE2), cache=True, error_model="numpy")
+def lagrangian(rows, jerk, chord, z, dual, weight, gradient):
     """Gradient of the Lagrangian at every point."""
     for p in range(z.shape[1]):
         slope = -0.5 / (z[0, p] * np.sqrt(z[0, p]))
         gx, ga, gc = weight[p] * slope, 0.0, 0.0
+        if chord[0, p] != 0.0:
+            slope = chord[1, p]
         for r in range(rows.shape[0]):
             pull = dual[r, 0, p] - dual[r, 1, p]
             gx += pull * rows[r, 0, p]
@@ -332,11 +349,12 @@ def lagrangian(rows, jerk, z, dual, weight, gradient):
         gradient[0, p], gradient[1, p], gradient[2, p] = gx, ga, gc
 
 
-@njit(NOTHING(READ3, FLAGS, READ2, READ3, WRITE3, READ2), cache=True, error_model="numpy")
-def shift_duals(rows, jerk, z, slack, dual, step):
+@njit(NOTHING(READ3, FLAGS, READ2, READ2, READ3, WRITE3, READ2), cache=True, error_model="numpy")
+def shift_duals(rows, jerk, chord, z, slack, dual, step):
     """Add to every multiplier l / s times the change of its constraint over the step."""
     for p in range(z.shape[1]):
-        slope = -0.5 / (z[0, p] * np.sqrt(z[0, p])) * step[0, p]
+        slope = -0.5 / (z[0, p] * np.sqrt(z[0, p])) if chord[0, p] == 0.0 else chord[1, p]
+        slope *= step[0, p]
         for r in range(rows.shape[0]):
             dy = rows[r, 0, p] * step[0, p] + rows[r, 1, p] * step[1, p] + rows[r, 2, p] * step[2, p]
             db = slope if jerk[r] else 0.0
@@ -344,36 +362,12 @@ def shift_duals(rows, jerk, z, slack, dual, step):
             dual[r, 1, p] += dual[r, 1, p] / slack[r, 1, p] * (-dy - db)
 
 
-@njit(NOTHING(FLAGS, READ1, FLAGS, WRITE3), cache=True, error_model="numpy")
-def spread_duals(jerk, h, where, dual):
-    """Move half of every jerk multiplier at the marked points to its neighbours, keeping its first moment."""
-    points = dual.shape[2]
-    moved = np.empty(points)
-    for r in range(dual.shape[0]):
-        if not jerk[r]:
-            continue
-        for side in range(2):
-            for p in range(points):
-                moved[p] = 0.0
-            for p in range(1, points - 1):
-                if where[p]:
-                    # the two neighbours lie half an interval away: that of the midpoint, or those around the knot
-                    before, after = 0.5 * h[(p - 1) // 2], 0.5 * h[p // 2]
-                    if before + after > 0.0 and h[(p - 1) // 2] > 0.0 and h[p // 2] > 0.0:
-                        part = 0.5 * dual[r, side, p]
-                        moved[p] -= part
-                        moved[p - 1] += part * after / (before + after)
-                        moved[p + 1] += part * before / (before + after)
-            for p in range(points):
-                dual[r, side, p] += moved[p]
-
-
 @njit(types.UniTuple(F64, 2)(READ3, I64, F64, F64, F64), cache=True, error_model="numpy")
 def _control_range(rows, k, h, x, ceiling):
     """Range of sigma_ddot on interval k that starts at x: rows at both of its knots, and 0 <= next x <= ceiling."""
     low, high = -x / (2.0 * h), (ceiling - x) / (2.0 * h)
     for r in range(rows.shape[0]):
-        for at, growth in ((2 * k, 0.0), (2 * k + 2, 2.0 * h)):
+        for at, growth in ((k, 0.0), (k + 1, 2.0 * h)):
             alpha, beta = rows[r, 0, at], rows[r, 1, at] + growth * rows[r, 0, at]
             if beta != 0.0:
                 one, two = (1.0 - alpha * x) / beta, (-1.0 - alpha * x) / beta
@@ -383,19 +377,19 @@ def _control_range(rows, k, h, x, ceiling):
 
 @njit(NOTHING(READ1, READ1, READ3, F64, F64, WRITE1), cache=True, error_model="numpy")
 def fastest_without_jerk(h, cap, rows, first, last, x):
-    """Write the largest x at every knot that caps and acceleration rows (m, 2, p) allow, between the end values.
+    """Write the largest x at every knot that caps (n,) and acceleration rows (m, 2, n) allow, between the end values.
 
     Backward, the largest x from which the end can still be reached; forward, the largest of those that can be reached.
     x is linear on an interval.  The range of controls shrinks as a concave function of x, so the backward step is a
     Newton iteration from above with the control range as its function (Pham and Pham, TOPP-RA, IEEE T-RO 34 (2018)).
     """
     n = h.size
-    x[n] = last
+    x[n] = min(last, cap[n])
     for k in range(n - 1, -1, -1):
-        top = cap[2 * k]
+        top = cap[k]
         for r in range(rows.shape[0]):
-            if rows[r, 1, 2 * k] == 0.0 and rows[r, 0, 2 * k] != 0.0:
-                top = min(top, 1.0 / abs(rows[r, 0, 2 * k]))
+            if rows[r, 1, k] == 0.0 and rows[r, 0, k] != 0.0:
+                top = min(top, 1.0 / abs(rows[r, 0, k]))
         if h[k] == 0.0:
             x[k] = min(top, x[k + 1])
             continue

@@ -70,8 +70,6 @@ _MAX_ITERATIONS = 120
 _FEASIBLE = 1e-9
 _HOPE = 2.0  # weight of the hoped-for gain in the centring
 _LARGEST_FALL = 0.9
-_REPAIRS = 4
-_SPREADS = 4
 _POLISHES = 2  # Newton steps on the multipliers alone; the second removes the rounding of the first
 _NO_CAP = 1e300
 
@@ -109,8 +107,11 @@ class Solution:
 class Iterate:
     """The arrays of one solve, allocated once."""
 
-    def __init__(self, problem: Constraints, z: FloatArray, centring: float, inside: float) -> None:
+    def __init__(
+        self, problem: Constraints, z: FloatArray, centring: float, inside: float, chord: FloatArray | None
+    ) -> None:
         points = problem.cap.size
+        self.chord = np.zeros((2, points)) if chord is None else chord
         velocity = np.zeros((1, 3, points))
         velocity[0, 0] = 1.0 / np.minimum(problem.cap, _NO_CAP)
         acceleration = np.zeros((problem.acceleration.shape[0], 3, points))
@@ -141,7 +142,9 @@ class Iterate:
         y = self.rows[:, 0] * self.z[0]
         for k in (1, 2):
             y += self.rows[:, k] * self.z[k]
-        return np.where(self.jerk[:, None], self.z[0] ** -0.5, 1.0), y
+        level, tilt = self.chord
+        bound = np.where(level > 0.0, level + tilt * self.z[0], self.z[0] ** -0.5)
+        return np.where(self.jerk[:, None], bound, 1.0), y
 
     def scale_inside(self, share: float) -> None:
         """Slow the start down until it uses that share of every limit; not where a feed is prescribed."""
@@ -162,6 +165,7 @@ def solve(
     inside: float = 0.95,
     tolerance: float = GAP_TOLERANCE,
     deadline: float = np.inf,
+    chord: FloatArray | None = None,
     progress: Callable[[str, float | None], None] | None = None,
 ) -> Solution:
     """Solve one section.
@@ -179,6 +183,8 @@ def solve(
         Relative gap at which to stop.
     deadline : float
         Value of ``time.perf_counter()`` at which to stop with the iterate at hand.
+    chord : (2, 2n - 1) array, optional
+        Where its first row is positive, the jerk bound x^(-1/2) is replaced by ``chord[0] + chord[1] x``.
     progress : callable, optional
         Called with a message and the share done.
 
@@ -191,7 +197,7 @@ def solve(
     SolverError
         If no feasible iterate was found.
     """
-    it = Iterate(problem, start, centring, inside)
+    it = Iterate(problem, start, centring, inside, chord)
     status, count = "", 0
     while not status:
         count += 1
@@ -219,7 +225,7 @@ def _iterate(it: Iterate) -> str:
     """One predictor-corrector step; returns why it cannot go on, or ""."""
     from planner.solvers import kernels
 
-    state = (it.rows, it.jerk, it.z, it.slack, it.dual, it.product)
+    state = (it.rows, it.jerk, it.chord, it.z, it.slack, it.dual, it.product)
     system = (it.hessian, it.gradient)
     kernels.condense(*state, it.weight, 0.0, 0.0, False, True, *system)
     if kernels.factor(it.h, it.hessian, it.gains, it.root) <= 0.0:
@@ -266,9 +272,7 @@ def _prepare_ends(it: Iterate) -> None:
     none = np.zeros_like(it.gradient)
     for first, last in prices:
         response = np.empty_like(it.step)
-        kernels.solve(
-            it.h, it.gains, it.root, none, first, last, not it.free_start, it.feed_forward, response
-        )
+        kernels.solve(it.h, it.gains, it.root, none, first, last, not it.free_start, it.feed_forward, response)
         it.ends.append((response, last))
 
 
@@ -291,74 +295,44 @@ def _newton(it: Iterate, step: FloatArray) -> None:
 
 
 def lower_bound(it: Iterate) -> tuple[float, bool]:
-    """The bound of the module's text, and whether the iterate is proven to be the global optimum.
+    """Bound the time from below by the multipliers (see the module's text).
 
     Returns
     -------
     bound : float
-        No plan that keeps the constraints at the collocation points is faster; unit of the problem.
+        No plan that keeps the constraints at the collocation points is faster, in the unit of the problem; -inf where
+        the Lagrangian is not convex.
     is_global : bool
+        The Lagrangian is convex, so that the iterate is the global optimum up to the gap.
     """
     from planner.solvers import kernels
 
-    without_jerk = acceleration_bound(it.problem)
     dual = it.dual.copy()
-    state = (it.rows, it.jerk, it.z, it.slack)
-    nothing = np.zeros_like(it.weight)
-    concave = np.zeros(nothing.size, dtype=bool)
-    for _ in range(_REPAIRS):
-        for _ in range(_SPREADS if concave.any() else 0):
-            kernels.spread_duals(it.jerk, it.h, _widen(concave), dual)
-            concave = _curvature(it, dual) < 0.0
-        kernels.condense(*state, dual, it.product, nothing, 0.0, 0.0, True, True, it.hessian, it.gradient)
-        if kernels.factor(it.h, it.hessian, it.gains, it.root) <= 0.0:
-            return without_jerk, False
-        _prepare_ends(it)
-        for _ in range(_POLISHES):
-            kernels.lagrangian(it.rows, it.jerk, it.z, dual, it.weight, it.gradient)
-            _newton(it, it.step)
-            kernels.shift_duals(*state, dual, it.step)
-        concave = _curvature(it, dual) < 0.0
-        if not concave.any():
-            break
+    none = np.zeros_like(it.weight)
+    state = (it.rows, it.jerk, it.chord, it.z)
+    kernels.condense(*state, it.slack, dual, it.product, none, 0.0, 0.0, True, True, it.hessian, it.gradient)
+    if kernels.factor(it.h, it.hessian, it.gains, it.root) <= 0.0:
+        return -np.inf, False
+    _prepare_ends(it)
+    for _ in range(_POLISHES):
+        kernels.lagrangian(*state, dual, it.weight, it.gradient)
+        _newton(it, it.step)
+        kernels.shift_duals(*state, it.slack, dual, it.step)
+    if (concave_at(it, dual)).any():
+        return -np.inf, False
     # T >= L for multipliers >= 0 only; one that came out below costs at most twice its bound.
     bound, _ = it.bound_and_value()
     negative = np.maximum(-dual, 0.0).sum(axis=1)
-    cost = float(np.sum(dual * it.slack)) + float(np.sum(2.0 * negative * bound))
-    is_global = not concave.any()
-    return max(without_jerk, it.time - cost if is_global else 0.0), is_global
+    return it.time - float(np.sum(dual * it.slack)) - float(np.sum(2.0 * negative * bound)), True
 
 
-def acceleration_bound(problem: Constraints) -> float:
-    """Time of the fastest plan without a jerk limit on the same knots: no plan with one is faster."""
-    from planner.solvers import kernels
-
-    n = problem.h.size + 1
-    largest = 1e6 * float(problem.guess.max())
-    x = np.empty(n)
-    first, last = (largest if np.isnan(value) else value for value in (problem.start, problem.end))
-    cap = np.minimum(problem.cap, largest)
-    kernels.fastest_without_jerk(problem.h, cap, problem.acceleration, first, min(last, cap[-1]), x)
-    root = np.sqrt(x)
-    return float(np.sum(2.0 * problem.h / np.maximum(root[1:] + root[:-1], 1e-300)))
-
-
-def _curvature(it: Iterate, dual: FloatArray) -> FloatArray:
-    """w - Lam at every point, coincident points merged into the first of them."""
-    merged = it.weight - dual[it.jerk].sum(axis=(0, 1))
+def concave_at(it: Iterate, dual: FloatArray) -> NDArray[np.bool_]:
+    """Points at which the Lagrangian is not convex: Lam > w, coincident points taken together."""
+    merged = it.weight - dual[it.jerk].sum(axis=(0, 1)) * (it.chord[0] == 0.0)
     first = 2 * np.flatnonzero(it.h == 0.0)
     merged[first] += merged[first + 1] + merged[first + 2]
-    merged[first + 1] = merged[first + 2] = 0.0
-    return merged
-
-
-def _widen(where: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Mark the neighbours of marked points too."""
-    out = where.copy()
-    for shift in (1, 2):
-        out[shift:] |= where[:-shift]
-        out[:-shift] |= where[shift:]
-    return out
+    merged[first + 1] = merged[first + 2] = merged[first]
+    return np.asarray(merged < 0.0)
 
 
 def start_from(problem: Constraints, x: FloatArray) -> FloatArray:

@@ -73,7 +73,8 @@ _GAIN = 1e-3  # five rounds that save less than this fraction end a search; so d
 _SPLIT_LOSS, _SPLITS = 4e-3, 4
 _LAW_PASSES, _CHECK_POINTS, _REPAIRS = 16, 9, 12
 _JERK_ERROR, _FEED_ERROR = 1e-4, 3e-10  # of the quintic time law, against the jerk limits and the largest feed
-_ON_BREAK = 1e-12
+_ON_BREAK = 4.0 * np.finfo(float).eps
+_NOISE, _NUDGE, _NUDGES = 1e-3, 0.998, 6
 _TOLERANCE = 1e-9
 
 
@@ -177,9 +178,9 @@ def plan_section(
     plan = _search(path, solver, plan)
     for repair in range(_REPAIRS):
         nodes = _time_law(curve, limits, solver, plan, (u_start, u_end))
-        used = _used_exactly(curve, limits, nodes)
-        bad = np.flatnonzero(used > 1.0 + _TOLERANCE)
-        if bad.size == 0:
+        used, noise = _used_exactly(curve, limits, nodes)
+        bad, short = np.flatnonzero(used > 1.0 + _TOLERANCE), np.flatnonzero(noise > _NOISE)
+        if bad.size == 0 and (short.size == 0 or repair >= _NUDGES):
             return nodes
         places = curve.arclength.s(nodes[1])
         for i in bad:
@@ -187,10 +188,14 @@ def plan_section(
             margin[cells] += np.maximum(1.2 * (used[i] - 1.0), 0.5 * margin[cells])
         path = replace(base.with_margin(margin), stride=max(_STRIDE >> (repair + 1) // 2, 1))
         every = np.arange(plan.time.size)
+        # A jerk switch that almost meets a break leaves an interval too short for double precision; move the switch.
+        nudged = np.clip(np.searchsorted(plan.s, 0.5 * (places[short] + places[short + 1])) - 1, 0, every.size - 1)
+        plan.tops[nudged] *= _dilated(np.array([_NUDGE]))
         plan.time = _durations(path, solver, plan.ends(every), plan.tops, np.full(every.size, np.inf))
         if not _make_feasible(path, solver, plan, _LOWER_LITTLE):
             break
-        _improve(path, solver, plan, _ROUNDS // (4 + 2 * repair))
+        if bad.size:
+            _improve(path, solver, plan, _ROUNDS // (4 + 2 * repair))
     worst = int(np.argmax(used))
     raise SolverError(
         f"{curve.name}: at u = {nodes[1][worst]:.9g} a limit is used to {used[worst]:.9g}, and no S-curves were found "
@@ -681,8 +686,11 @@ def _rates_of_u(
     return np.stack([u1, u2, u3]), (np.abs(t) / limits.jerk).max(axis=1) * speed, speed
 
 
-def _used_exactly(curve: Curve, limits: Limits, nodes: Nodes) -> FloatArray:
-    """Largest share of any limit used in each interval (n - 1,) of a time law, on the exact curve."""
+def _used_exactly(curve: Curve, limits: Limits, nodes: Nodes) -> tuple[FloatArray, FloatArray]:
+    """Largest share of any limit used in each interval (n - 1,) of a time law, on the exact curve, but for rounding.
+
+    Returns that share, and the share of a jerk limit that rounding of the nodes amounts to.
+    """
     t, u, rate, acceleration = nodes
     inner = np.flatnonzero(np.diff(t) > 0.0)
     gap = np.diff(t)[inner]
@@ -719,6 +727,7 @@ def _used_exactly(curve: Curve, limits: Limits, nodes: Nodes) -> FloatArray:
         cap = np.minimum(limits.feed, chord_feed_limit(curve.tip.curvature(law[0], side=side), limits))
         shares += [(feed / cap)[:, None]]
         used[some] = np.concatenate(shares, axis=1).max(axis=1).reshape(used[some].shape)
-    result = np.zeros(t.size - 1)
-    result[inner] = used.max(axis=0)
-    return result
+    result = np.zeros((2, t.size - 1))
+    result[0, inner] = used.max(axis=0)
+    result[1, inner] = noise[2] * (np.abs(curve.derivatives(u[inner], 1)[1]) / limits.jerk).max(axis=1)
+    return result[0], result[1]

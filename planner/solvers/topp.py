@@ -62,9 +62,7 @@ def plan_section(section: Section, limits: Limits, intervals: int) -> tuple[Time
     left = path_at(plain, limits, sigma[1:], u[1:], np.ones(h.size, dtype=bool)).u
     rate = np.stack([right[1] * speed[:-1], left[1] * speed[1:]], axis=1)
     acceleration = np.stack([right[2] * x[:-1] + right[1] * a, left[2] * x[1:] + left[1] * a], axis=1)
-    nodes = TimeNodes(
-        np.repeat(t, 2)[1:-1], np.repeat(u, 2)[1:-1], rate.reshape(-1), acceleration.reshape(-1)
-    )
+    nodes = TimeNodes(np.repeat(t, 2)[1:-1], np.repeat(u, 2)[1:-1], rate.reshape(-1), acceleration.reshape(-1))
     stats = {"status": "feasible", "intervals": h.size, "iterations": 1}
     return nodes, float(t[-1]), stats
 
