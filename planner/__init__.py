@@ -19,6 +19,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from planner.bounds import certify
     from planner.check import Report, check
     from planner.errors import (
         CurveError,
@@ -51,6 +52,7 @@ __all__ = [
     "Samples",
     "SolverError",
     "StalledError",
+    "certify",
     "check",
     "feedrate_limits",
     "load_curve",
@@ -64,6 +66,7 @@ __all__ = [
 __version__ = "0.1.0"
 
 _HOME = {
+    "bounds": ("certify",),
     "check": ("Report", "check"),
     "errors": ("CurveError", "FeedrateError", "InfeasibleError", "InputError", "SolverError", "StalledError"),
     "geometry.catalog": ("CATALOG", "load_curve"),

@@ -66,6 +66,7 @@ _CHORD_STRIDE = 4
 
 _AXIS_RATES = ("velocity", "acceleration", "jerk")
 _TIP_RATES = ("feed", "tangential acceleration", "tangential jerk")
+_REVERSAL = len(_TIP_RATES)  # row of -u' among the measured quantities
 # Unit of each row; of a row about an axis, what follows the axis' own unit.
 _UNITS = {
     "feed": "mm/s",
@@ -416,7 +417,7 @@ class _Motion:
         tangential[1] += turn * rates[0] ** 3
         granted = _norm(tip_slack)
         granted[2] += turn * (high[0] ** 3 - size[0] ** 3)
-        back = np.maximum(-rates[0], 0.0), np.broadcast_to(self.law.slack[0, i, None], u.shape)
+        back = -rates[0], np.broadcast_to(self.law.slack[0, i, None], u.shape)
         by_axis = (np.moveaxis(a, -1, 1).reshape(-1, *u.shape) for a in (axes, slack))
         values = np.concatenate([[speed * rates[0], *tangential, back[0]], next(by_axis)])
         return values, np.concatenate([granted, back[1][None], next(by_axis)])
@@ -429,6 +430,18 @@ def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
 
 def _norm(a: FloatArray) -> FloatArray:
     return np.sqrt(_dot(a, a))
+
+
+def _axis_rows(dim: int, k: int) -> slice:
+    """Rows of the axes' velocity (k = 0), acceleration (1) or jerk (2) among the measured quantities."""
+    return slice(_REVERSAL + 1 + k * dim, _REVERSAL + 1 + (k + 1) * dim)
+
+
+def _sizes(values: FloatArray) -> FloatArray:
+    """What is compared with the limits: sizes, but of the speed backwards only what is backwards."""
+    sizes = np.abs(values)
+    sizes[_REVERSAL] = values[_REVERSAL]
+    return sizes
 
 
 def _one_sided(curve: Curve, u: FloatArray, from_left: BoolArray) -> FloatArray:
@@ -523,10 +536,10 @@ def _scan(motion: _Motion, density: int) -> _Scan:
         lower, upper = motion.lower[span, None], motion.upper[span, None]
         x = np.where(grid == 1.0, upper, lower + (upper - lower) * grid)
         values, slack = motion.measure(span, x)
-        sizes = np.abs(values)
+        sizes = _sizes(values)
         largest = np.maximum(largest, (sizes - slack).max(axis=(1, 2)))
         for k in range(2):
-            rows = slice(4 + k * dim, 4 + (k + 1) * dim)
+            rows = _axis_rows(dim, k)
             ends[k, 0, span + 1] = values[rows, :, -1].T
             ends[k, 1, span] = values[rows, :, 0].T
         jerk[:, span] = _peaks(sizes[-dim:])[0]
@@ -548,15 +561,16 @@ def _worst(motion: _Motion, scan: _Scan, density: int) -> Iterator[tuple[str, in
 
     def height(x: FloatArray) -> FloatArray:
         values, slack = motion.measure(span, x)
-        return np.abs(values[quantity, every]) - slack[quantity, every]
+        return np.asarray((_sizes(values) - slack)[quantity, every])
 
     lower, upper = motion.lower[span], motion.upper[span]
     x = _zoom(height, scan.top_x.reshape(-1), (upper - lower) / (density - 1), lower, upper)[:, None]
-    values, slack = (a[quantity, every, 0] for a in motion.measure(span, x))
+    values, slack = motion.measure(span, x)
+    worst, slack = _sizes(values)[quantity, every, 0], slack[quantity, every, 0]
     u, t = motion.parameter(span, x)[:, 0], motion.time(span, x[:, 0])
-    best = (np.abs(values) - slack).reshape(-1, candidates).argmax(axis=1) + candidates * np.arange(len(motion.names))
+    best = (worst - slack).reshape(-1, candidates).argmax(axis=1) + candidates * np.arange(len(motion.names))
     for (name, j), k in zip(motion.names, best, strict=True):
-        yield name, j, abs(float(values[k])), float(slack[k]), (float(t[k]), float(u[k]))
+        yield name, j, max(float(worst[k]), 0.0), float(slack[k]), (float(t[k]), float(u[k]))
 
 
 # ---- a profile -----------------------------------------------------------------------------------------------------
@@ -642,9 +656,7 @@ def _group_sizes(curve: Curve, largest: FloatArray) -> FloatArray:
 def _check_steps(motion: _Motion, scan: _Scan, limits: Limits, rows: _Rows, density: int) -> None:
     """Steps of velocity and acceleration between spans, and what the latter become once they are sampled."""
     dim, period = motion.curve.dim, limits.period
-    velocity, acceleration = (
-        _group_sizes(motion.curve, scan.largest[4 + k * dim : 4 + (k + 1) * dim]) for k in range(2)
-    )
+    velocity, acceleration = (_group_sizes(motion.curve, scan.largest[_axis_rows(dim, k)]) for k in range(2))
     t = np.append(motion.time(np.arange(motion.interval.size), motion.lower), motion.law.start[-1] + motion.law.h[-1])
     u = np.append(motion.u_ends[0], motion.u_ends[1, -1])
     steps = scan.steps.copy()
@@ -741,7 +753,8 @@ def _check_corners(motion: _Motion, scan: _Scan, limits: Limits, rows: _Rows) ->
         return
     span = np.concatenate([before, before + 1])
     x = np.concatenate([motion.upper[before], motion.lower[before + 1]])
-    values = np.abs(motion.measure(span, x[:, None])[0][4 : 4 + 2 * dim, :, 0]).reshape(2, dim, -1)
+    measured = np.abs(motion.measure(span, x[:, None])[0][..., 0])
+    values = [measured[_axis_rows(dim, k)] for k in range(2)]
     linear = np.array(motion.curve.axis_units) == "mm"
     velocity = np.where(linear, np.minimum(limits.velocity, limits.feed), limits.velocity)
     for name, k, allowed, share, power in (
@@ -749,12 +762,12 @@ def _check_corners(motion: _Motion, scan: _Scan, limits: Limits, rows: _Rows) ->
         ("acceleration at an exact stop", 1, limits.acceleration, _ACCELERATION_STEP, "/s^2"),
     ):
         # Without a limit, what the plan does elsewhere is the measure.
-        own = _group_sizes(motion.curve, scan.largest[4 + k * dim : 4 + (k + 1) * dim])
+        own = _group_sizes(motion.curve, scan.largest[_axis_rows(dim, k)])
         slack = share * np.where(np.isfinite(allowed), allowed, own)
         used = np.divide(values[k], slack[:, None], out=np.zeros_like(values[k]), where=slack[:, None] > 0.0)
         j, where = (int(index) for index in np.unravel_index(used.argmax(), used.shape))
         place = (float(motion.time(span[[where]], x[[where]])[0]), float(motion.u_ends[1, before[where % before.size]]))
-        rows.add(name, values[k, j, where], 0.0, place, slack=slack[j], unit=motion.curve.axis_units[j] + power)
+        rows.add(name, values[k][j, where], 0.0, place, slack=slack[j], unit=motion.curve.axis_units[j] + power)
 
 
 # ---- chords --------------------------------------------------------------------------------------------------------

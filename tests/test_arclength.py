@@ -6,7 +6,7 @@ from itertools import pairwise
 import mpmath
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import special
 from strategies import exact_nurbs, nurbs_curves, random_nurbs, span_of
@@ -132,11 +132,13 @@ class TestInverse:
             u = curve.arclength.u(np.array([0.0, 1e-300, 0.5, 1.0 - 1e-16, 1.0]) * curve.length)
             assert curve.domain[0] <= u.min() <= u.max() <= curve.domain[1]
 
+    @settings(max_examples=40)
     @given(nurbs_curves(), st.floats(0.0, 1.0))
     def test_any_curve(self, curve, share):
         s = share * curve.length
         assert float(curve.arclength.s(curve.arclength.u(s))) == pytest.approx(s, abs=1e-13 * curve.length)
 
+    @settings(max_examples=40)
     @given(nurbs_curves())
     def test_reversed_curve_has_the_same_length(self, curve):
         back = NurbsCurve(curve.control_points[::-1], -curve.knots[::-1], curve.degree, curve.weights[::-1])

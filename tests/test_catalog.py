@@ -7,7 +7,7 @@ import time
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planner import CATALOG, CurveError, InputError, load_curve
@@ -300,6 +300,7 @@ class TestBadFiles:
         with pytest.raises(CurveError, match=path.name):
             load_curve(path)
 
+    @settings(max_examples=40)
     @given(
         st.dictionaries(
             st.sampled_from([*NURBS, "x", "y", "u_range", "axes", "dim"]),

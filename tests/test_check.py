@@ -297,13 +297,42 @@ def coarse_plan(ellipse):
     return profile_on(ellipse, unlimited(), (t, u, rate, second))
 
 
-def test_density_changes_no_worst_value(ellipse, coarse_plan):
-    reports = [check(ellipse, unlimited(), coarse_plan, density=density) for density in (5, 24, 57)]
+@pytest.fixture(scope="module")
+def wavy_plan(ellipse):
+    """A rate of u with several waves: many peaks of nearly one height between the nodes."""
+
+    def law(x):
+        return np.pi * x + 0.04 * sum(np.sin(4.0 * k * np.pi * x) for k in (1, 2, 3))
+
+    t, h = np.linspace(0.0, 2.0, 31), 1e-3
+    u = law(t)
+    u[-1] = 2.0 * np.pi
+    rate, second = (law(t + h) - law(t - h)) / (2 * h), (law(t + h) - 2 * law(t) + law(t - h)) / h**2
+    return profile_on(ellipse, unlimited(), (t, u, rate, second))
+
+
+@pytest.mark.parametrize("plan", ["coarse_plan", "wavy_plan"])
+def test_density_changes_no_worst_value(ellipse, plan, request):
+    profile = request.getfixturevalue(plan)
+    reports = [check(ellipse, unlimited(), profile, density=density) for density in (4, 24, 57)]
     for name, axis in [*((name, "") for name in SINGLE_LIMITS), *((n, a) for n in AXIS_LIMITS for a in "XY")]:
         first, *others = (report.row(name, axis) for report in reports)
         for other in others:
             assert other.worst == pytest.approx(first.worst, rel=1e-9)
-            assert other.t == pytest.approx(first.t, abs=1e-4)
+
+
+def test_a_short_way_back_between_nodes_is_found(ellipse):
+    """u' = 1 + 1.002 cos 4t dips below zero four times for some 0.03 s; at every node it is positive."""
+    t = np.linspace(0.0, 2.0 * np.pi, 23)
+    u, rate = t + 1.002 / 4.0 * np.sin(4.0 * t), 1.0 + 1.002 * np.cos(4.0 * t)
+    u[-1] = 2.0 * np.pi
+    assert rate.min() > 0.0
+    plan = profile_on(ellipse, unlimited(), (t, u, rate, -4.0 * 1.002 * np.sin(4.0 * t)))
+    rows = [check(ellipse, unlimited(), plan, density=density).row("reversal") for density in (4, 24, 48)]
+    fine = plan.at(np.linspace(0.0, plan.duration, 400_001)).u_rate
+    for row in rows:
+        assert not row.ok
+        assert row.worst == pytest.approx(-fine.min(), rel=1e-6)
 
 
 def test_density_changes_no_chord_error_of_samples(ellipse, coarse_plan):
@@ -415,6 +444,22 @@ def test_a_limit_lowered_by_a_thousandth_is_found_on_the_samples(
         along = ellipse.arclength.s(ellipse_plan.at(at).u)
         moved = along if axis is None else ellipse_position(ellipse_plan, at)[:, axis]
         assert abs(np.diff(moved, order)[0]) / 1e-3**order == pytest.approx(row.worst, rel=1e-5)
+
+
+def test_the_place_of_a_tangential_row_is_the_middle_of_its_samples(ellipse):
+    """A plan from rest to rest without constant phases, so that only the right place has the reported value."""
+    x, total, period = np.linspace(0.0, 1.0, 101), 2.0, 5e-3
+    u = 2.0 * np.pi * x - np.sin(2.0 * np.pi * x)
+    u[-1] = 2.0 * np.pi
+    rate = 2.0 * np.pi * (1.0 - np.cos(2.0 * np.pi * x)) / total
+    second = 4.0 * np.pi**2 * np.sin(2.0 * np.pi * x) / total**2
+    plan = profile_on(ellipse, unlimited(), (x * total, u, rate, second))
+    report = check(ellipse, unlimited(), sampled(ellipse, plan, period))
+    for order, name in ((2, "tangential acceleration"), (3, "tangential jerk")):
+        row = report.row(name)
+        at = np.clip(row.t + period * (np.arange(order + 1) - order / 2), 0.0, plan.duration)
+        there = np.diff(ellipse.arclength.s(plan.at(at).u), order)[0] / period**order
+        assert abs(there) == pytest.approx(row.worst, rel=1e-6)
 
 
 @pytest.mark.parametrize("on_samples", [False, True])

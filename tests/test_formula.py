@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner import CurveError, load_curve
+from planner import CurveError, InputError, load_curve
 from planner.geometry.formula import FUNCTIONS, FormulaCurve, parse_constant
 
 THESIS = {
@@ -264,6 +264,21 @@ class TestDefinition:
     def test_two_to_six_axes(self, count):
         with pytest.raises(CurveError, match=f"{count} expressions"):
             FormulaCurve(dict.fromkeys("XYZABCU"[:count], "u"), (0.0, 1.0))
+
+    @pytest.mark.parametrize("expressions", [None, "uu", ["u", "u"], 5])
+    def test_expressions_are_a_mapping(self, expressions):
+        with pytest.raises(CurveError, match="0 expressions"):
+            FormulaCurve(expressions, (0.0, 1.0))
+
+    @pytest.mark.parametrize("scale", [0.0, -1.0, np.nan, "2", None, True])
+    def test_scale_is_positive(self, scale):
+        with pytest.raises(InputError, match=r"scale = .* must be a number > 0"):
+            parabola("u", scale=scale)
+
+    @pytest.mark.parametrize("parameter", ["", "2u", "u v", 5, None])
+    def test_parameter_is_a_name(self, parameter):
+        with pytest.raises(CurveError, match=r"parameter = .* must be a name"):
+            parabola("u", parameter=parameter)
 
     def test_axes_are_known_ones(self):
         with pytest.raises(CurveError, match="different names out of"):

@@ -3,7 +3,7 @@
 import ast
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cache
 from pathlib import Path
 
@@ -38,11 +38,6 @@ def resolve(name: str) -> str:
 
 
 @cache
-def syntax(path: Path) -> ast.Module:
-    return ast.parse(path.read_text(encoding="utf-8"))
-
-
-@cache
 def homes() -> dict[str, str]:
     """Public names of planner, by the module that the package loads them from."""
     import planner
@@ -54,7 +49,8 @@ def is_for_types_only(node: ast.If) -> bool:
     return isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
 
 
-def imports(module: str, *, types: bool = True, nested: bool = True) -> set[str]:
+@cache
+def imports(module: str, *, types: bool = True, nested: bool = True) -> frozenset[str]:
     """Modules that a module imports; without those for types only, or inside functions, on demand."""
     public = homes()
     package = module if MODULES[module].name == "__init__.py" else module.rpartition(".")[0]
@@ -79,10 +75,10 @@ def imports(module: str, *, types: bool = True, nested: bool = True) -> set[str]
             for child in ast.iter_child_nodes(node):
                 yield from visit(child)
 
-    return set(visit(syntax(MODULES[module])))
+    return frozenset(visit(ast.parse(MODULES[module].read_text(encoding="utf-8"))))
 
 
-def ours(names: set[str]) -> set[str]:
+def ours(names: Iterable[str]) -> set[str]:
     return {name for name in names if name.split(".")[0] in PACKAGES}
 
 

@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from strategies import nurbs_curves
 
@@ -207,6 +207,7 @@ class TestFeedrateLimits:
         with pytest.raises(InputError, match="must lie within"):
             feedrate_limits(load_curve("circle"), limits(), 1.5)
 
+    @settings(max_examples=40)
     @given(nurbs_curves(max_degree=4), st.sampled_from([1e-3, 0.5, 20.0]))
     def test_lengths_scaled_together_scale_every_limit(self, curve, factor):
         row = np.arange(1.0, curve.dim + 1.0)

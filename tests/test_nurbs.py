@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from strategies import insert_knot, nurbs_curves, oracle, random_nurbs
 
@@ -55,10 +55,10 @@ def test_derivatives_agree_with_cox_de_boor_on_both_sides_of_every_knot(curve):
     assert (worst <= _TOLERANCES).all(), worst
 
 
-@pytest.mark.parametrize("degree", [20, MAX_DEGREE])
+@pytest.mark.parametrize("degree", [20, 50])
 def test_high_degrees_keep_their_digits_up_to_the_right_end_of_a_span(degree):
     curve = random_nurbs(12, degree, 2, spans=1)
-    for u in (0.3, 1.0) if degree < MAX_DEGREE else (1.0,):
+    for u in (0.3, 1.0):
         expected = oracle(curve, u, "left")
         error = np.abs(curve.derivatives(u, 3, side="left") - expected).max(axis=1)
         assert (error <= np.array([1e-14, 1e-12, 1e-11, 1e-11]) * np.abs(expected).max(axis=1)).all()
@@ -83,6 +83,7 @@ def test_bezier_curve_is_de_casteljau():
         np.testing.assert_allclose(curve.derivatives(u, 0)[0], row[0], rtol=0, atol=2e-15)
 
 
+@settings(max_examples=40)
 @given(nurbs_curves(), st.floats(0.0, 1.0))
 def test_knot_insertion_leaves_the_curve(curve, share):
     u0, u1 = curve.domain
@@ -94,6 +95,7 @@ def test_knot_insertion_leaves_the_curve(curve, share):
     assert (error <= np.array([1e-14, 1e-11, 1e-8, 1e-5]) * size).all()
 
 
+@settings(max_examples=40)
 @given(nurbs_curves())
 def test_affine_maps_of_the_control_points_map_the_curve(curve):
     rng = np.random.default_rng(len(curve.control_points))
@@ -112,6 +114,7 @@ def test_affine_maps_of_the_control_points_map_the_curve(curve):
     assert (error <= np.array([1e-14, 1e-13, 1e-12, 1e-10]) * size).all()
 
 
+@settings(max_examples=40)
 @given(nurbs_curves())
 def test_reversal_runs_the_same_curve_backwards(curve):
     reverse = NurbsCurve(curve.control_points[::-1], -curve.knots[::-1], curve.degree, curve.weights[::-1])
@@ -122,6 +125,7 @@ def test_reversal_runs_the_same_curve_backwards(curve):
     assert (error <= np.array([1e-14, 1e-12, 1e-10, 1e-8]) * size).all()
 
 
+@settings(max_examples=40)
 @given(nurbs_curves(), st.sampled_from([1e-6, 0.5, 3.0, 1e6]))
 def test_common_factor_of_the_weights_changes_nothing(curve, factor):
     same = NurbsCurve(curve.control_points, curve.knots, curve.degree, curve.weights * factor)
@@ -213,3 +217,4 @@ def test_extreme_but_valid_definitions_load():
     assert quadratic(control_points=1e-6 * np.array([[0, 0], [1, 2], [3, 1], [4, 0]])).length > 4e-6
     assert quadratic(control_points=1e8 * np.array([[0, 0], [1, 2], [3, 1], [4, 0]])).length > 4e8
     assert quadratic(knots=[0, 0, 0, 0.5, 1, 1, 10**20]).domain == (0.0, 1.0)
+    assert random_nurbs(1, MAX_DEGREE, 2, spans=1).length > 10.0

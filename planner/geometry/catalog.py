@@ -132,11 +132,7 @@ def _formula(table: Mapping[str, Any], name: str, scale: float) -> Curve:
     if not isinstance(span, list) or len(span) != 2:
         raise CurveError(f"{name}: u_range = {span!r} must be a list of two numbers")
     domain = (parse_constant(span[0], f"{name}: u_range[0]"), parse_constant(span[1], f"{name}: u_range[1]"))
-    parameter = table.get("parameter", "u")
-    if not isinstance(parameter, str) or not parameter.isidentifier():
-        raise CurveError(f"{name}: parameter = {parameter!r} must be a name")
-    expressions = axis_expressions(table, _AXIS_KEYS, name)
-    return FormulaCurve(expressions, domain, parameter, scale, name)
+    return FormulaCurve(axis_expressions(table, _AXIS_KEYS, name), domain, table.get("parameter", "u"), scale, name)
 
 
 def _dual_spline(table: Mapping[str, Any], name: str, scale: float) -> Curve:

@@ -19,7 +19,7 @@ import numpy as np
 from planner.errors import CurveError
 from planner.geometry.curve import ROTARY_AXES, Curve, FloatArray, Pieces, Side, axis_names, require_regular
 from planner.geometry.fit import fit_pieces
-from planner.geometry.inputs import numbers, shorten
+from planner.geometry.inputs import numbers, positive_number, shorten
 from planner.geometry.tape import Tape
 
 # Number of arguments.  Smooth functions only: a curve with |u| or sign(u) in it would hide its breaks.
@@ -72,14 +72,15 @@ class FormulaCurve(Curve):
         ends = numbers(self.domain, f"{self.name}: u_range", CurveError)
         if ends.shape != (2,) or not np.isfinite(ends).all() or ends[0] >= ends[1]:
             raise CurveError(f"{self.name}: u_range = {ends.tolist()} must be two increasing finite numbers")
-        if not 2 <= len(self.expressions) <= 6:
-            raise CurveError(
-                f"{self.name}: {len(self.expressions)} expressions; there must be 2 to 6, one for each axis"
-            )
-        axis_names(tuple(self.expressions), len(self.expressions), self.name)
+        count = len(self.expressions) if isinstance(self.expressions, Mapping) else 0
+        if not 2 <= count <= 6:
+            raise CurveError(f"{self.name}: {count} expressions; there must be 2 to 6, one for each axis")
+        axis_names(tuple(self.expressions), count, self.name)
+        if not isinstance(self.parameter, str) or not self.parameter.isidentifier():
+            raise CurveError(f"{self.name}: parameter = {shorten(repr(self.parameter))} must be a name")
         # One spelling of the numbers, so that equal curves have equal fingerprints.
         object.__setattr__(self, "domain", tuple(ends.tolist()))
-        object.__setattr__(self, "scale", float(self.scale))
+        object.__setattr__(self, "scale", positive_number(self.scale, f"{self.name}: scale"))
         object.__setattr__(self, "expressions", dict(self.expressions))
         require_regular(self)
 
@@ -150,13 +151,13 @@ def parse_expression(text: str, names: Mapping[str, Any], where: str) -> Any:
 
 def parse_constant(value: Any, where: str) -> float:
     """A number, or an expression without a parameter such as ``2*pi``."""
-    import casadi
-
     if isinstance(value, int | float) and not isinstance(value, bool):
         try:
             return float(value)
         except OverflowError:
             raise CurveError(f"{where} = {shorten(str(value))} exceeds the range of double precision") from None
+    import casadi
+
     return float(casadi.evalf(parse_expression(value, {}, where)))
 
 

@@ -12,6 +12,7 @@ second-order cone program).  Where the optimum has y = x^(-1/2) everywhere, that
 from __future__ import annotations
 
 from dataclasses import dataclass
+from time import process_time
 from typing import Any
 
 import numpy as np
@@ -42,10 +43,12 @@ def solve(problem: Constraints) -> Solution:
     SolverError
         With IPOPT's own words, if it does not converge.
     """
+    began = process_time()
     program = _Program.of(problem)
     paces = [px**-0.5 for px, _, _ in program.points]
     z, time, iterations = program.run(problem, paces, program.start)
-    return Solution(z[0], z[1], z[2], time, "optimal", iterations, _TOLERANCE, _TOLERANCE)
+    cpu = process_time() - began
+    return Solution(z[0], z[1], z[2], time, "optimal", iterations, _TOLERANCE, _TOLERANCE, cpu)
 
 
 def relaxed_time(problem: Constraints) -> float:

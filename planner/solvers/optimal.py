@@ -89,6 +89,8 @@ class Solution:
     iterations : int
     gap, residual : float
         sum(s l) / time, and the largest relative violation.
+    cpu_s : float
+        Computing time, CPU seconds.
     iterate : Iterate or None
         The interior point itself, from which :func:`lower_bound` is computed.
     """
@@ -101,6 +103,7 @@ class Solution:
     iterations: int
     gap: float
     residual: float
+    cpu_s: float = np.nan
     iterate: Iterate | None = None
 
 
@@ -197,6 +200,7 @@ def solve(
     SolverError
         If no feasible iterate was found.
     """
+    began = time.process_time()
     it = Iterate(problem, start, centring, inside, chord)
     status, count = "", 0
     while not status:
@@ -216,9 +220,9 @@ def solve(
             f"{it.residual:.2g}; the entry or exit feed may not be attainable"
         )
     knots = it.z[:, 0::2]
-    return Solution(
-        knots[0].copy(), knots[1].copy(), knots[2].copy(), it.time, status, count, it.gap / it.time, it.residual, it
-    )
+    x, a, c = (row.copy() for row in knots)
+    cpu = time.process_time() - began
+    return Solution(x, a, c, it.time, status, count, it.gap / it.time, it.residual, cpu, it)
 
 
 def _iterate(it: Iterate) -> str:

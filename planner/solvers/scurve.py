@@ -68,13 +68,15 @@ _BLOCK_MOVES = np.array(
 )
 _NODE_MOVES = np.array([move for move in product((0.0, 1.0), (-1.0, 0.0, 1.0), (-1.0, 0.0, 1.0)) if any(move)])
 _FIRST_STEP, _SMALLEST_STEP = 0.4, 4e-3
-_ROUNDS, _TRIALS = 30, 60_000
+_ROUNDS, _TRIALS, _MANY = 30, 60_000, 60
 _GAIN = 1e-3  # five rounds that save less than this fraction end a search; so does twice that, for nodes added
 _SPLIT_LOSS, _SPLITS = 4e-3, 4
 _LAW_PASSES, _CHECK_POINTS, _REPAIRS = 16, 9, 12
 _JERK_ERROR, _FEED_ERROR = 1e-4, 3e-10  # of the quintic time law, against the jerk limits and the largest feed
 _ON_BREAK = 4.0 * np.finfo(float).eps
-_NOISE, _NUDGE, _NUDGES = 1e-3, 0.998, 6
+# Two rounded numbers u, 2 eps apart, make the third derivative of a quintic over a time h uncertain by 120 eps |u| / h^3.
+_DIGITS = 120.0 * np.finfo(float).eps
+_NOISE, _NUDGE, _NUDGES = 1e-3, 0.998, 3
 _TOLERANCE = 1e-9
 
 
@@ -86,7 +88,7 @@ class _Path:
     across it; ``cap (n,)`` of the feed by command and chord; ``limit (n + 1,)`` the limit curve, ``cruise (n,)`` its
     lower end in each cell; ``curved (n,)`` 0 where the cell is straight, else 1; ``tops (4,)`` the largest feed,
     accelerations up and down, and jerk anywhere; ``jumps`` places of the curvature jumps that limit the feed;
-    ``stride`` the number of cells between two points at which a ramp is tried.
+    ``shortest`` duration of a phase whose jerk double precision can hold, s; ``stride`` the number of cells between two points at which a ramp is tried.
     """
 
     s: FloatArray
@@ -98,6 +100,7 @@ class _Path:
     curved: FloatArray
     tops: FloatArray
     jumps: FloatArray
+    shortest: float
     stride: int = _STRIDE
 
     def with_margin(self, margin: FloatArray) -> _Path:
@@ -304,7 +307,9 @@ def _describe(curve: Curve, limits: Limits, u_start: float, u_end: float, fastes
     bend = np.append(np.abs(slopes * shares), np.abs(rows * shares)[:, [2, 4, 5]], axis=1)
     curved = (bend > _ROUND_OFF).any(axis=(1, 2)).astype(float)
     limit, cruise = np.minimum(limit, v), np.minimum(cruise, v)
-    return _Path(s, rows, slopes, cap, limit, cruise, curved, tops, jumps[jump_feed < v])
+    # of a straight line, which is planned exactly, every phase is kept
+    shortest = np.cbrt(_DIGITS * s1 * np.abs(rows[:, 3]).max() / _NOISE) if curved.any() else 0.0
+    return _Path(s, rows, slopes, cap, limit, cruise, curved, tops, jumps[jump_feed < v], shortest)
 
 
 def _tops(v: float, rows: FloatArray, length: float, fastest_end: float, period: float) -> FloatArray:
@@ -327,7 +332,7 @@ def _tops(v: float, rows: FloatArray, length: float, fastest_end: float, period:
 
 
 class _Ruckig:
-    """One reusable ruckig problem, scaled so that the block has length 1 and its largest possible feed is 1."""
+    """One reusable ruckig problem: a block of length 1 with no acceleration at either end."""
 
     def __init__(self) -> None:
         import ruckig
@@ -337,58 +342,57 @@ class _Ruckig:
         self._problem.current_position = self._problem.current_acceleration = self._problem.target_acceleration = [0.0]
         self._problem.target_position = [1.0]
 
-    def block(self, length: float, v0: float, v1: float, top: FloatArray) -> tuple[list[float], list[float]] | None:
-        """Durations and jerks of the seven phases from feed v0 to v1 over a length, no acceleration at either end.
-
-        None where the length is too short, or ruckig finds nothing: it would brake past the end and come back.
-        """
-        v_max, up, down, jerk = (float(value) for value in top)
-        v_max = max(v_max, v0, v1)
-        change, a = abs(v1 - v0), up if v1 > v0 else down
-        ramp = change / a + a / jerk if change > a * a / jerk else 2.0 * (change / jerk) ** 0.5
-        if 0.5 * (v0 + v1) * ramp > length * (1.0 + _ROUND_OFF):
-            return None
-        unit = min(v_max, max(v0, v1) + (jerk * length**2) ** (1.0 / 3.0))
-        tau = length / unit
+    def solve(self, v0: float, v1: float, v: float, up: float, down: float, jerk: float) -> tuple[list[float], ...] | None:
+        """Durations and jerks of the seven phases, positions and velocities at their ends; None if ruckig finds none."""
         problem = self._problem
-        problem.current_velocity, problem.target_velocity = [v0 / unit], [v1 / unit]
-        problem.max_velocity = [v_max / unit]
-        problem.max_acceleration, problem.min_acceleration = [up * tau / unit], [-down * tau / unit]
-        problem.max_jerk = [jerk * tau * tau / unit]
+        problem.current_velocity, problem.target_velocity = [v0], [v1]
+        problem.max_velocity, problem.max_jerk = [v], [jerk]
+        problem.max_acceleration, problem.min_acceleration = [up], [-down]
         try:
             if self._solver.calculate(problem, self._trajectory) < 0:
                 return None
         except self._failure:
             return None
         profile = self._trajectory.profiles[0][0]
-        durations, v = list(profile.t), profile.v
-        if min(v) < -_ROUND_OFF or abs(profile.p[7] - 1.0) > 1e-9:
-            return None
-        # A ramp between feeds that differ by rounding only is none.
-        for first in (0, 4):
-            if abs(v[first + 3] - v[first]) <= _ROUND_OFF * max(v):
-                durations[3] += sum(durations[first : first + 3])
-                durations[first : first + 3] = [0.0, 0.0, 0.0]
-        return [tau * h for h in durations], [j * unit / tau**2 if h > 0.0 else 0.0 for j, h in zip(profile.j, durations, strict=True)]
+        return profile.t, profile.j, profile.p, profile.v
 
 
-def _trace(solver: _Ruckig, ends: FloatArray, tops: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _trace(
+    solver: _Ruckig, ends: FloatArray, tops: FloatArray, below: float | FloatArray = np.inf
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Follow blocks from (s0, v0) to (s1, v1): ``ends (4, m)`` = s0, v0, s1, v1, ``tops (m, 4)``.
 
-    Returns the duration (m,), inf where there is no such block; phase durations and jerks (2, m, 7); and the states
-    s, v, a at the eight ends of the phases (3, m, 8).
+    Returns the duration (m,), inf where there is no block or none faster than ``below``; phase durations and jerks
+    (2, m, 7); and the states s, v, a at the eight ends of the phases (3, m, 8).
     """
-    phases, time = np.zeros((2, tops.shape[0], 7)), np.full(tops.shape[0], np.inf)
-    for i, (s0, v0, s1, v1) in enumerate(ends.T.tolist()):
-        found = solver.block(s1 - s0, v0, v1, tops[i])
-        if found is not None:
-            phases[:, i] = found
-            time[i] = sum(found[0])
-    states = np.zeros((3, tops.shape[0], 8))
-    states[0, :, 0], states[1, :, 0] = ends[0], ends[1]
-    for p in range(7):
-        states[:, :, p + 1] = _advance(states[:, :, p], phases[1, :, p], phases[0, :, p])
-    return time, phases, states
+    s0, v0, s1, v1 = ends
+    length, slow, fast = s1 - s0, np.minimum(v0, v1), np.maximum(v0, v1)
+    v, up, down, jerk = np.maximum(tops[:, 0], fast), tops[:, 1], tops[:, 2], tops[:, 3]
+    # Over less than the length that the change of feed takes, ruckig would overshoot and come back.
+    change, a = fast - slow, np.where(v1 > v0, up, down)
+    ramp = np.where(change * jerk > a * a, change / a + a / jerk, 2.0 * np.sqrt(change / jerk))
+    some = np.flatnonzero((0.5 * (v0 + v1) * ramp <= length * (1.0 + _ROUND_OFF)) & (length / v < below))
+    # Scaled so that the block has length 1 and its largest possible feed is 1.
+    unit = np.minimum(v, fast + np.cbrt(jerk * length**2))
+    tau = length / unit
+    scaled = np.stack([v0 / unit, v1 / unit, v / unit, up * tau / unit, down * tau / unit, jerk * tau**2 / unit])
+    solved = [solver.solve(*row) for row in scaled[:, some].T.tolist()]
+    some = some[[found is not None for found in solved]]
+    phases, time, states = np.zeros((2, v.size, 7)), np.full(v.size, np.inf), np.zeros((3, v.size, 8))
+    if some.size:
+        h, j, p, feeds = (np.array(part) for part in zip(*(found for found in solved if found is not None), strict=True))
+        good = (feeds.min(axis=1) >= -_ROUND_OFF) & (np.abs(p[:, 7] - 1.0) <= _TOLERANCE)
+        some, h, j, feeds = some[good], h[good], j[good], feeds[good]
+        for first in (0, 4):  # a ramp between feeds that differ by rounding only is none
+            same = np.abs(feeds[:, first + 3] - feeds[:, first]) <= _ROUND_OFF * feeds.max(axis=1)
+            h[same, 3] += h[same, first : first + 3].sum(axis=1)
+            h[same, first : first + 3] = 0.0
+        phases[:, some] = tau[some, None] * h, np.where(h > 0.0, j * (unit / tau**2)[some, None], 0.0)
+        time[some] = phases[0, some].sum(axis=1)
+    states[0, :, 0], states[1, :, 0] = s0, v0
+    for i in range(7):
+        states[:, :, i + 1] = _advance(states[:, :, i], phases[1, :, i], phases[0, :, i])
+    return np.where(time < below, time, np.inf), phases, states
 
 
 def _advance(state: FloatArray, jerk: FloatArray, h: FloatArray) -> FloatArray:
@@ -399,11 +403,15 @@ def _advance(state: FloatArray, jerk: FloatArray, h: FloatArray) -> FloatArray:
 
 def _durations(path: _Path, solver: _Ruckig, ends: FloatArray, tops: FloatArray, below: FloatArray) -> FloatArray:
     """Durations of blocks; inf where a limit is exceeded or the block is not faster than ``below`` (m,)."""
-    time, phases, states = _trace(solver, ends, tops)
-    time[time >= below] = np.inf
+    if tops.shape[0] > _CHUNK:
+        cuts = np.arange(_CHUNK, tops.shape[0], _CHUNK)
+        parts = zip(np.split(ends, cuts, axis=1), np.split(tops, cuts), np.split(below, cuts), strict=True)
+        return np.concatenate([_durations(path, solver, *part) for part in parts])
+    time, phases, states = _trace(solver, ends, tops, below)
     cruising = np.isfinite(time) & (phases[0, :, 3] > 0.0)
     slow = path.lowest_cruise(states[0, :, 3], states[0, :, 4])
     time[cruising & (states[1, :, 3] > slow * (1.0 + _ROUND_OFF))] = np.inf
+    time[((phases[0] > 0.0) & (phases[0] < path.shortest)).any(axis=1)] = np.inf
     ramps = np.isfinite(time)[:, None] & (phases[0] > 0.0) & (np.arange(7) != 3)
     block, phase = np.nonzero(ramps)
     cells = np.diff(np.searchsorted(path.s, states[0, block[:, None], phase[:, None] + np.arange(2)]), axis=1)[:, 0]
@@ -509,18 +517,18 @@ def _search(path: _Path, solver: _Ruckig, plan: _Plan) -> _Plan:
     """Improve a plan; add nodes as long as that pays."""
     before = np.inf
     for _ in range(_SPLITS + 1):
-        rounds = max(2, min(_ROUNDS, _TRIALS // (plan.time.size * (_BLOCK_MOVES.shape[0] + 2 * _NODE_MOVES.shape[0]))))
-        _improve(path, solver, plan, rounds)
+        _improve(path, solver, plan, _ROUNDS)
         now = float(plan.time.sum())
-        if before - now < 2.0 * _GAIN * now or rounds < _ROUNDS:
+        if before - now < 2.0 * _GAIN * now or plan.time.size > _MANY:
             break
         before, plan = now, _split(path, solver, plan)
     return plan
 
 
 def _improve(path: _Path, solver: _Ruckig, plan: _Plan, rounds: int) -> None:
-    """Compass search over the blocks, then over every other node, until rounds gain next to nothing."""
+    """Search the blocks, then every other node, in turn, until rounds gain next to nothing."""
     m = plan.time.size
+    rounds = max(min(rounds, _TRIALS // (m * (_BLOCK_MOVES.shape[0] + 2 * _NODE_MOVES.shape[0]))), 2)
     block_step, node_step = np.full(m, _FIRST_STEP), np.full(m + 1, _FIRST_STEP)
     block_step[(plan.tops >= path.tops).all(axis=1)] = 0.0
     totals = [plan.time.sum()]
@@ -620,6 +628,8 @@ def _time_law(
     _, phases, states = _trace(solver, plan.ends(np.arange(plan.time.size)), plan.tops)
     block, phase = np.nonzero(phases[0] > 0.0)
     h, jerk = phases[:, block, phase]
+    one = np.flatnonzero(np.append(True, (phase[1:] != 3) | (phase[:-1] != 3)))  # two cruises in a row are one
+    block, phase, h, jerk = block[one], phase[one], np.add.reduceat(h, one), jerk[one]
     begin = states[:, block, phase]
     clock = np.append(0.0, np.cumsum(h))
     breaks = np.array([b.u for b in curve.breaks if u_ends[0] < b.u < u_ends[1]])
@@ -657,8 +667,8 @@ def _time_law(
 def _rounding(nodes: Nodes, gap: FloatArray, inner: IntArray) -> FloatArray:
     """What the last digits of u (found from s by inversion) and of t do to the quintics' derivatives 1, 2, 3; (3, n)."""
     t, u, rate, _ = nodes
-    digit = 2.0 * np.finfo(float).eps * (np.abs(u).max() + rate[inner] * t[inner + 1])
-    return digit * np.array([[4.0], [14.0], [60.0]]) / gap ** np.array([[1.0], [2.0], [3.0]])
+    digit = (np.abs(u).max() + rate[inner] * t[inner + 1]) / gap ** np.array([[1.0], [2.0], [3.0]])
+    return _DIGITS * np.array([[0.07], [0.25], [1.0]]) * digit
 
 
 def _crossings(
