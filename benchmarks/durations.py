@@ -132,7 +132,11 @@ def main() -> None:
     Console().print(show(results))
     if options.output is not None:
         packages = {name: version(name) for name in ("feedplan", "numpy", "numba", "toppra", "casadi")}
-        header = {"intervals": options.intervals, "machine": platform.processor() or platform.machine(), "packages": packages}
+        header = {
+            "intervals": options.intervals,
+            "machine": platform.processor() or platform.machine(),
+            "packages": packages,
+        }
         options.output.write_text(json.dumps(header | {"cases": results}, indent=1) + "\n", encoding="utf-8")
 
 

@@ -1,20 +1,13 @@
 """How far from optimal a plan can be: lower bounds on the time.
 
-Two bounds.  The cheap one is the optimum without a jerk limit: every plan under a jerk limit is a plan without one.  The
-tight one (:func:`certify`) is a proof about the discretised problem itself.  The optimum's multipliers l give the
-Lagrangian, whose minimum over x, a, c is a lower bound; it is convex in x where w >= Lam (see ``solvers/optimal.py``),
-and there the optimum is its minimum.  At the few points where w < Lam, almost all of them next to a stop, the bound
-x^(-1/2) of the jerk rows is replaced by its chord over [x_lo, x_hi].  The chord lies above the convex function, so this
-only adds plans; those rows become linear, and the time of the new optimum, once its Lagrangian is convex everywhere, is a
-lower bound for every plan with x in [x_lo, x_hi] there.  And every plan worth having is:
+The cheap bound, which every plan carries, is the optimum without a jerk limit: every plan under a jerk limit is one
+without.  The tight one (:func:`certify`) is the optimum of the convex relaxation in ``solvers/nlp.py``: the pace
+y = 1/sigma_dot gets a variable of its own with y >= x^(-1/2), and time and jerk rows are written in y.  The relaxed problem
+contains every plan and is convex, so its optimum, which is global, is a lower bound.  On most paths its optimum has
+y = x^(-1/2), and the bound meets the plan.
 
-    x_hi   the smallest of the speed cap, the optimum without a jerk limit, and what the jerk allows at a distance from
-           rest: an axis that has moved by d in one direction from a stop has v^3 <= 4.5 J d^2;
-    x_lo   a plan that is slower at one point only loses the time w x^(-1/2) there against the optimum without a jerk
-           limit, and may lose no more than the plan at hand does.
-
-The bounds hold for the problem collocated on a grid, whose optimum differs from the continuous one by about 1e-4 at the
-default grid.  For x_lo and x_hi that grid's optimum without jerk limit is used.
+Both hold for the problem collocated on a grid, whose optimum differs from the continuous one by about 1e-4 of the time
+at the default grid; a bound is therefore never reported above the duration of the plan at hand.
 """
 
 from __future__ import annotations
@@ -22,23 +15,16 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from planner.constraints import Constraints, Path, acceleration_rows, build, path_at, speed_cap
-from planner.errors import SolverError
+from planner.constraints import acceleration_rows, build, path_at, speed_cap
 from planner.geometry.curve import Curve, FloatArray
 from planner.grid import Grid, place_knots, scan, with_blends
 from planner.limits import Limits
 from planner.profile import FeedrateProfile
 from planner.sections import Section, cut
-from planner.solvers.optimal import Iterate, Solution
 
 _INTERVALS = 500
 _MIN_INTERVALS = 40
-_GAP = 1e-6
-_MAX_ROUNDS = 12
-# A displacement smaller than this share of the axis' largest coordinate is rounding.
-_SMALLEST_DISPLACEMENT = 1e-11
 
 
 def certify(curve: Curve, limits: Limits, profile: FeedrateProfile) -> float:
@@ -71,7 +57,7 @@ def certify(curve: Curve, limits: Limits, profile: FeedrateProfile) -> float:
     sections = cut(curve, limits, *feeds, exact_stop=exact_stop, periodic=periodic)
     share = max(_MIN_INTERVALS, _INTERVALS // len(sections))
     total = sum(_certify_section(section, limits, share, periodic) for section in sections)
-    return max(total, profile.lower_bound) if np.isfinite(profile.lower_bound) else total
+    return min(float(np.fmax(total, profile.lower_bound)), profile.duration)
 
 
 def without_jerk(section: Section, limits: Limits, grid: Grid) -> tuple[FloatArray, float]:

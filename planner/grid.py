@@ -30,6 +30,8 @@ _MIN_SCAN = 600
 # How much of acceleration and jerk the scans let the feed use along the path; the rest is left to the curvature.
 _SCAN_ACCELERATION = 0.7
 _SCAN_JERK = 0.35 * 2.12
+# An axis that hardly moves at a stop hardly limits what the path may do there; beyond this factor its share is not taken.
+_UNUSUAL = 10.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,6 +123,16 @@ def _accumulate(rate: FloatArray, over: FloatArray) -> FloatArray:
     return np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(over))])
 
 
+def _steps(rate: FloatArray, length: FloatArray, ceiling: FloatArray) -> FloatArray:
+    """Growth from sample to sample, at most the largest finite ceiling.
+
+    Where the only axes with a limit stand still the rate has no bound, and its sum would swamp all others.
+    """
+    steps = 0.5 * (rate[1:] + rate[:-1]) * np.diff(length)
+    largest = float(ceiling[np.isfinite(ceiling)].max(initial=0.0))
+    return np.minimum(steps, largest) if largest > 0.0 else steps
+
+
 def _reachable(
     section: Section,
     ceiling: FloatArray,
@@ -141,7 +153,8 @@ def _reachable(
         finite = np.isfinite(rate)
         if not finite.any():
             continue
-        growth = _accumulate(np.where(finite, rate, rate[finite].max()), length)
+        rate = np.where(finite, rate, rate[finite].max())
+        growth = np.concatenate([[0.0], np.cumsum(_steps(rate, length, feed**power))])
         raised = feed**power
         raised = np.minimum.accumulate(raised - growth) + growth
         back = growth[-1] - growth[::-1]
@@ -165,8 +178,8 @@ def with_blends(section: Section, guess: Scan) -> Section:
         distance = guess.length if at == 0 else guess.length[-1] - guess.length
         top = float(guess.feed.max())
         for _ in range(4):
-            jerk = guess.jerk[at]
-            acceleration = min(float(guess.acceleration[at]), float(np.sqrt(top * jerk)))
+            jerk = _at_stop(guess.jerk, at)
+            acceleration = min(_at_stop(guess.acceleration, at), float(np.sqrt(top * jerk)))
             build_up = acceleration / jerk if np.isfinite(jerk) else 0.0
             width = 0.5 * top * (top / acceleration + build_up)
             top = float(guess.feed[distance <= max(width, distance[1 if at == 0 else -2])].max())
@@ -177,6 +190,12 @@ def with_blends(section: Section, guess: Scan) -> Section:
         share = room / sum(widths)
         widths = [width * share for width in widths]
     return replace(section, blend_start=widths[0], blend_end=widths[1])
+
+
+def _at_stop(allowed: FloatArray, at: int) -> float:
+    """Acceleration or jerk at a stop; where no axis with a limit moves there, what is usual along the path."""
+    usual = allowed[np.isfinite(allowed)]
+    return float(min(allowed[at], _UNUSUAL * np.median(usual))) if usual.size else float(allowed[at])
 
 
 def place_knots(section: Section, guess: Scan, intervals: int) -> Grid:

@@ -142,7 +142,8 @@ def _chunk(
     # A point that rounds to the end of its stretch between breaks must not be read from beyond it.
     beyond = u >= end[:, None]
     q = evaluate(curve, u, beyond)
-    tip = q if curve.tip is curve else evaluate(curve.tip, u, beyond)
+    # The tip of a machine with rotary axes is a selection of columns, which numpy lays out in another order.
+    tip = q if curve.tip is curve else np.ascontiguousarray(evaluate(curve.tip, u, beyond))
     rows = np.concatenate([limits.velocity, limits.acceleration, limits.jerk])
     scalars = np.array(
         [limits.feed, limits.chord_error, limits.period, limits.tangential_acceleration, limits.tangential_jerk]

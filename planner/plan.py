@@ -301,7 +301,7 @@ def _solve_and_refine(
     from planner.solvers.optimal import lower_bound
 
     bound, is_global = lower_bound(iterate)
-    bound = max(bound * unit, without_jerk(section, limits, grid)[1])
+    bound = min(max(bound * unit, without_jerk(section, limits, grid)[1]), float(best.nodes.t[-1]))
     return replace(best, lower_bound=bound, stats=best.stats | {"global": is_global})
 
 

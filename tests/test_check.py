@@ -304,7 +304,7 @@ def wavy_plan(ellipse):
     def law(x):
         return np.pi * x + 0.04 * sum(np.sin(4.0 * k * np.pi * x) for k in (1, 2, 3))
 
-    t, h = np.linspace(0.0, 2.0, 31), 1e-3
+    t, h = np.linspace(0.0, 2.0, 28), 1e-3
     u = law(t)
     u[-1] = 2.0 * np.pi
     rate, second = (law(t + h) - law(t - h)) / (2 * h), (law(t + h) - 2 * law(t) + law(t - h)) / h**2

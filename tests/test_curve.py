@@ -319,13 +319,18 @@ class TestToolTip:
         assert [b.geometric for b in curve.breaks] == [0, 0]
         assert [(b.parametric, b.geometric, b.angle) for b in curve.tip.breaks] == [(0, 0, 0.0), (0, 0, 0.0)]
 
-    def test_resting_tip_of_a_smooth_curve(self):
-        points = np.array(
-            [[0, 0, 0], [1, 1, 0.1], [2, 2, 0.4], *[[4, 3, 0.5 + 0.2 * k] for k in range(5)], [6, 2, 2.0]]
-        )
-        curve = NurbsCurve(points, [0, 0, 0, 0, 1, 2, 3, 4, 5, 6, 6, 6, 6], 3, axes=["X", "Y", "A"])
-        rest = np.linspace(4.0, 5.0, 7)[:-1]
-        np.testing.assert_array_equal(curve.tip.derivatives(rest)[1:], 0.0)
+    @pytest.mark.parametrize("weights", [None, [1, 2, 1, 0.5, 1, 2, 1, 1.5, 1]], ids=["plain", "rational"])
+    def test_resting_tip_of_a_smooth_curve(self, weights):
+        turn = [[4, 3, 0.5 + 0.2 * k] for k in range(5)]
+        points = [[0, 0, 0], [1, 1, 0.1], [2, 2, 0.4], *turn, [6, 2, 2.0]]
+        curve = NurbsCurve(points, [0, 0, 0, 0, 1, 2, 3, 4, 5, 6, 6, 6, 6], 3, weights, ["X", "Y", "A"])
+        rest = np.linspace(3.0, 5.0, 9)
+        np.testing.assert_array_equal(curve.tip.derivatives(rest[:-1])[1:], 0.0)
+        np.testing.assert_array_equal(curve.tip.derivatives(rest[1:], side="left")[1:], 0.0)
+        np.testing.assert_array_equal(curve.tip.curvature(rest[:-1]), 0.0)
+        for u, side in ((3.0, "left"), (5.0, "right")):
+            assert np.abs(curve.tip.derivatives(u, side=side)[3]).max() > 1.0
+        assert np.abs(curve.derivatives(rest, 1)[1, :, 2]).min() > 0.05
 
     def test_tip_of_a_machine_that_only_turns_has_no_length(self):
         curve = NurbsCurve([[0, 0], [1, 2], [3, 1]], [0, 0, 0, 1, 1, 1], 2, axes=["A", "C"])

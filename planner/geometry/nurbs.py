@@ -96,7 +96,12 @@ class NurbsCurve(Curve):
         return float(self.knots[self.degree]), float(self.knots[-self.degree - 1])
 
     def _evaluate(self, u: FloatArray, order: int, side: Side) -> FloatArray:
-        return self.pieces.evaluate(u, order, side)
+        out = self.pieces.evaluate(u, order, side)
+        if self.pieces.rational and self._resting.any():
+            # The quotient rule leaves rounding where an axis rests, and a direction made of rounding is none.
+            inside = np.searchsorted(self._spans, u, side=side) - 1
+            out[1:, self._resting[np.clip(inside, 0, self._spans.size - 2)]] = 0.0
+        return out
 
     def _candidate_breaks(self) -> FloatArray:
         return self._spans[1:-1]
@@ -106,6 +111,13 @@ class NurbsCurve(Curve):
         """Distinct knots within the domain, ends included."""
         u0, u1 = self.domain
         return np.unique(self.knots[(self.knots >= u0) & (self.knots <= u1)])
+
+    @cached_property
+    def _resting(self) -> NDArray[np.bool_]:
+        """Whether an axis has one and the same value on a span, (spans, dim)."""
+        span = np.searchsorted(self.knots, self._spans[:-1], side="right") - 1
+        acting = self.control_points[span[:, None] + np.arange(-self.degree, 1)]
+        return np.asarray(np.ptp(acting, axis=1) == 0.0)
 
     @cached_property
     def pieces(self) -> Pieces:

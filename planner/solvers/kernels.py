@@ -4,7 +4,6 @@ Layout: points run along the last axis of every array, so the loops over points 
 
     rows   (m, 3, p)   r of each two-sided row |r . (x, a, c)| <= b
     jerk   (m,)        True where b = x^(-1/2), False where b = 1
-    chord  (2, p)      where chord[0] > 0, b = chord[0] + chord[1] x in the jerk rows instead of x^(-1/2)
     slack, dual, product (m, 2, p)   of the upper and the lower side
     z, step (3, p)     x, a, c at every point
     hessian (6, p)     xx, xa, xc, aa, ac, cc
@@ -30,12 +29,12 @@ _BLOCK = 512  # points a block: its scratch stays in the first-level cache
 
 
 @njit(
-    NOTHING(READ3, FLAGS, READ2, READ2, READ3, READ3, READ3, READ1, F64, F64, FLAG, FLAG, WRITE2, WRITE2),
+    NOTHING(READ3, FLAGS, READ2, READ3, READ3, READ3, READ1, F64, F64, FLAG, FLAG, WRITE2, WRITE2),
     cache=True,
     fastmath=_FAST,
     error_model="numpy",
 )
-def condense(rows, jerk, chord, z, slack, dual, product, weight, target, corrector, clip, factorise, hessian, gradient):  # noqa: PLR0912
+def condense(rows, jerk, z, slack, dual, product, weight, target, corrector, clip, factorise, hessian, gradient):  # noqa: PLR0912
     """Eliminate slacks and multipliers: gradient (and Hessian, with ``factorise``) of the barrier problem.
 
     ``target`` is the complementarity aimed at, less ``corrector`` times the ``product`` of the affine steps; ``clip``
@@ -43,7 +42,6 @@ def condense(rows, jerk, chord, z, slack, dual, product, weight, target, correct
     """
     points = z.shape[1]
     root, slope, curvature = np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK)
-    inverse, exact = np.empty(_BLOCK), np.empty(_BLOCK)
     pull, push, stiff, twist = np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK)
     for lo in range(0, points, _BLOCK):
         n = min(_BLOCK, points - lo)
@@ -51,15 +49,12 @@ def condense(rows, jerk, chord, z, slack, dual, product, weight, target, correct
         gx, ga, gc = gradient[0, lo : lo + n], gradient[1, lo : lo + n], gradient[2, lo : lo + n]
         hxx, hxa, hxc = hessian[0, lo : lo + n], hessian[1, lo : lo + n], hessian[2, lo : lo + n]
         haa, hac, hcc = hessian[3, lo : lo + n], hessian[4, lo : lo + n], hessian[5, lo : lo + n]
-        level, tilt = chord[0, lo : lo + n], chord[1, lo : lo + n]
         for i in range(n):
-            inverse[i] = 1.0 / np.sqrt(x[i])
+            root[i] = 1.0 / np.sqrt(x[i])
+            slope[i] = -0.5 * root[i] / x[i]
             curvature[i] = w[i]
-            exact[i] = 1.0 if level[i] == 0.0 else 0.0
-            root[i] = exact[i] * inverse[i] + level[i] + tilt[i] * x[i]
-            slope[i] = -0.5 * exact[i] * inverse[i] / x[i] + tilt[i]
         for i in range(n):
-            gx[i] = -0.5 * w[i] * inverse[i] / x[i]
+            gx[i] = w[i] * slope[i]
         ga[:] = 0.0
         gc[:] = 0.0
         if factorise:
@@ -87,7 +82,7 @@ def condense(rows, jerk, chord, z, slack, dual, product, weight, target, correct
                 gc[i] += pull[i] * rc[i]
             if factorise:
                 for i in range(n):
-                    curvature[i] -= is_jerk * exact[i] * (dual_up[i] + dual_down[i])
+                    curvature[i] -= is_jerk * (dual_up[i] + dual_down[i])
                 for i in range(n):
                     hxx[i] += stiff[i] * (rx[i] * rx[i] + is_jerk * slope[i] * slope[i]) - 2.0 * twist[i] * rx[i]
                     hxa[i] += stiff[i] * rx[i] * ra[i] - twist[i] * ra[i]
@@ -99,16 +94,16 @@ def condense(rows, jerk, chord, z, slack, dual, product, weight, target, correct
         if factorise:
             for i in range(n):
                 kept = max(curvature[i], 0.0) if clip else curvature[i]
-                hxx[i] += kept * 0.75 * inverse[i] / (x[i] * x[i])
+                hxx[i] += kept * 0.75 * root[i] / (x[i] * x[i])
 
 
 @njit(
-    NOTHING(READ3, FLAGS, READ2, READ2, READ3, READ3, WRITE3, READ2, F64, F64, FLAG, WRITE1),
+    NOTHING(READ3, FLAGS, READ2, READ3, READ3, WRITE3, READ2, F64, F64, FLAG, WRITE1),
     cache=True,
     fastmath=_FAST,
     error_model="numpy",
 )
-def measure(rows, jerk, chord, z, slack, dual, product, step, target, corrector, keep, out):
+def measure(rows, jerk, z, slack, dual, product, step, target, corrector, keep, out):
     """Write what a step needs to know of itself into ``out``; with ``keep`` also the products ds * dl.
 
     0, 1: largest relative decrease of a slack and of a multiplier; 2..4: sums of ds*l, s*dl and ds*dl; 5: largest
@@ -124,12 +119,9 @@ def measure(rows, jerk, chord, z, slack, dual, product, step, target, corrector,
         n = min(_BLOCK, points - lo)
         x, a, c = z[0, lo : lo + n], z[1, lo : lo + n], z[2, lo : lo + n]
         dx, da, dc = step[0, lo : lo + n], step[1, lo : lo + n], step[2, lo : lo + n]
-        level, tilt = chord[0, lo : lo + n], chord[1, lo : lo + n]
         for i in range(n):
-            exact = 1.0 if level[i] == 0.0 else 0.0
-            root[i] = exact / np.sqrt(x[i])
-            slope[i] = -0.5 * root[i] / x[i] + tilt[i]
-            root[i] += level[i] + tilt[i] * x[i]
+            root[i] = 1.0 / np.sqrt(x[i])
+            slope[i] = -0.5 * root[i] / x[i]
             loss[i] = -dx[i] / x[i]
         worst_s[:] = 0.0
         worst_l[:] = 0.0
@@ -165,12 +157,12 @@ def measure(rows, jerk, chord, z, slack, dual, product, step, target, corrector,
 
 
 @njit(
-    NOTHING(READ3, FLAGS, READ2, WRITE2, WRITE3, WRITE3, READ3, READ1, READ2, F64, F64, F64, F64, WRITE1),
+    NOTHING(READ3, FLAGS, WRITE2, WRITE3, WRITE3, READ3, READ1, READ2, F64, F64, F64, F64, WRITE1),
     cache=True,
     fastmath=_FAST,
     error_model="numpy",
 )
-def advance(rows, jerk, chord, z, slack, dual, product, weight, step, target, corrector, primal, dual_length, out):
+def advance(rows, jerk, z, slack, dual, product, weight, step, target, corrector, primal, dual_length, out):
     """Take the step; write the time, the gap sum(s l) and the largest relative primal residual into ``out``.
 
     A slack becomes the larger of its linear prediction and its true value: x^(-1/2) is convex, so at zero residual the
@@ -183,16 +175,11 @@ def advance(rows, jerk, chord, z, slack, dual, product, weight, step, target, co
         n = min(_BLOCK, points - lo)
         x, a, c, w = z[0, lo : lo + n], z[1, lo : lo + n], z[2, lo : lo + n], weight[lo : lo + n]
         dx, da, dc = step[0, lo : lo + n], step[1, lo : lo + n], step[2, lo : lo + n]
-        level, tilt = chord[0, lo : lo + n], chord[1, lo : lo + n]
         for i in range(n):
-            exact = 1.0 if level[i] == 0.0 else 0.0
-            root[i] = exact / np.sqrt(x[i])
-            slope[i] = -0.5 * root[i] / x[i] + tilt[i]
-            root[i] += level[i] + tilt[i] * x[i]
-            after = x[i] + primal * dx[i]
-            new[i] = 1.0 / np.sqrt(after)
+            root[i] = 1.0 / np.sqrt(x[i])
+            slope[i] = -0.5 * root[i] / x[i]
+            new[i] = 1.0 / np.sqrt(x[i] + primal * dx[i])
             time += w[i] * new[i]
-            new[i] = exact * new[i] + level[i] + tilt[i] * after
         residual[:] = 0.0
         for r in range(rows.shape[0]):
             is_jerk = 1.0 if jerk[r] else 0.0
@@ -331,14 +318,12 @@ def solve(h, gains, root, gradient, first, last, fixed_start, feed_forward, step
     step[0, end], step[1, end], step[2, end] = x, a, c
 
 
-@njit(NOTHING(READ3, FLAGS, READ2, READ2, READ3, READ1, WRITE2), cache=True, error_model="numpy")
-def lagrangian(rows, jerk, chord, z, dual, weight, gradient):
+@njit(NOTHING(READ3, FLAGS, READ2, READ3, READ1, WRITE2), cache=True, error_model="numpy")
+def lagrangian(rows, jerk, z, dual, weight, gradient):
     """Gradient of the Lagrangian at every point."""
     for p in range(z.shape[1]):
         slope = -0.5 / (z[0, p] * np.sqrt(z[0, p]))
         gx, ga, gc = weight[p] * slope, 0.0, 0.0
-        if chord[0, p] != 0.0:
-            slope = chord[1, p]
         for r in range(rows.shape[0]):
             pull = dual[r, 0, p] - dual[r, 1, p]
             gx += pull * rows[r, 0, p]
@@ -349,12 +334,11 @@ def lagrangian(rows, jerk, chord, z, dual, weight, gradient):
         gradient[0, p], gradient[1, p], gradient[2, p] = gx, ga, gc
 
 
-@njit(NOTHING(READ3, FLAGS, READ2, READ2, READ3, WRITE3, READ2), cache=True, error_model="numpy")
-def shift_duals(rows, jerk, chord, z, slack, dual, step):
+@njit(NOTHING(READ3, FLAGS, READ2, READ3, WRITE3, READ2), cache=True, error_model="numpy")
+def shift_duals(rows, jerk, z, slack, dual, step):
     """Add to every multiplier l / s times the change of its constraint over the step."""
     for p in range(z.shape[1]):
-        slope = -0.5 / (z[0, p] * np.sqrt(z[0, p])) if chord[0, p] == 0.0 else chord[1, p]
-        slope *= step[0, p]
+        slope = -0.5 / (z[0, p] * np.sqrt(z[0, p])) * step[0, p]
         for r in range(rows.shape[0]):
             dy = rows[r, 0, p] * step[0, p] + rows[r, 1, p] * step[1, p] + rows[r, 2, p] * step[2, p]
             db = slope if jerk[r] else 0.0

@@ -139,7 +139,13 @@ class _Program:
                     high.append(np.full(at.size, 1.0))
         zeros = np.zeros(self.equations.shape[0])
         lowest, highest = self._ends(problem, start.size)
-        ipopt = {"print_level": 0, "sb": "yes", "tol": _TOLERANCE, "max_iter": _MAX_ITERATIONS, "mu_strategy": "adaptive"}
+        ipopt = {
+            "print_level": 0,
+            "sb": "yes",
+            "tol": _TOLERANCE,
+            "max_iter": _MAX_ITERATIONS,
+            "mu_strategy": "adaptive",
+        }
         constraint = casadi.vertcat(self.equations, *rows)
         statement: Any = {"x": casadi.vertcat(*self.states, *own), "f": time, "g": constraint}
         options: Any = {"print_time": False, "ipopt": ipopt}

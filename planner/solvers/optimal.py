@@ -37,19 +37,13 @@ extra sweeps.
 
 The bound
 ---------
-For any l >= 0 the Lagrangian is separable in x up to a linear part, L = sum_p (w_p - Lam_p) x_p^(-1/2) + linear.  A
-backward sweep first removes what is left of its gradient by growing, at each control, the cheapest jerk multiplier (a
-multiplier may always grow; the price is its slack).  Then, z* the iterate, every feasible plan takes at least
+For any l >= 0 the minimum of the Lagrangian is a lower bound of the time.  It is separable in x up to a linear part,
 
-    T* - sum(s l) + sum_p min over x in [lo_p, hi_p] of  phi_p(x) - phi_p(x*) - phi_p'(x*) (x - x*),
-    phi_p(x) = (w_p - Lam_p) x^(-1/2).
+    L = sum_p (w_p - Lam_p) x_p^(-1/2) + linear.
 
-Where Lam_p <= w_p the minimum is 0, at x*; if that holds everywhere, z* is THE global optimum of the discretised problem
-up to sum(s l).  Elsewhere phi is concave and its minimum is at an end of the interval of attainable x.
-
-Limitations.  The bound is one of the collocated problem: between the collocation points the plan could in principle gain
-what the verification between the points takes back by dilation (a few 1e-4).  With Lam > w the cheap bound is loose (see
-``certify``).
+Newton steps on the multipliers alone first make its gradient vanish exactly.  If then Lam_p <= w_p everywhere, L is
+convex, the iterate is its minimum, T - sum(s l) is a lower bound and the iterate THE global optimum of the discretised
+problem up to that gap.  Elsewhere this says nothing, and ``bounds.py`` has the convex relaxation, which always does.
 """
 
 from __future__ import annotations
@@ -110,11 +104,8 @@ class Solution:
 class Iterate:
     """The arrays of one solve, allocated once."""
 
-    def __init__(
-        self, problem: Constraints, z: FloatArray, centring: float, inside: float, chord: FloatArray | None
-    ) -> None:
+    def __init__(self, problem: Constraints, z: FloatArray, centring: float, inside: float) -> None:
         points = problem.cap.size
-        self.chord = np.zeros((2, points)) if chord is None else chord
         velocity = np.zeros((1, 3, points))
         velocity[0, 0] = 1.0 / np.minimum(problem.cap, _NO_CAP)
         acceleration = np.zeros((problem.acceleration.shape[0], 3, points))
@@ -145,9 +136,7 @@ class Iterate:
         y = self.rows[:, 0] * self.z[0]
         for k in (1, 2):
             y += self.rows[:, k] * self.z[k]
-        level, tilt = self.chord
-        bound = np.where(level > 0.0, level + tilt * self.z[0], self.z[0] ** -0.5)
-        return np.where(self.jerk[:, None], bound, 1.0), y
+        return np.where(self.jerk[:, None], self.z[0] ** -0.5, 1.0), y
 
     def scale_inside(self, share: float) -> None:
         """Slow the start down until it uses that share of every limit; not where a feed is prescribed."""
@@ -168,7 +157,6 @@ def solve(
     inside: float = 0.95,
     tolerance: float = GAP_TOLERANCE,
     deadline: float = np.inf,
-    chord: FloatArray | None = None,
     progress: Callable[[str, float | None], None] | None = None,
 ) -> Solution:
     """Solve one section.
@@ -186,8 +174,6 @@ def solve(
         Relative gap at which to stop.
     deadline : float
         Value of ``time.perf_counter()`` at which to stop with the iterate at hand.
-    chord : (2, 2n - 1) array, optional
-        Where its first row is positive, the jerk bound x^(-1/2) is replaced by ``chord[0] + chord[1] x``.
     progress : callable, optional
         Called with a message and the share done.
 
@@ -201,7 +187,7 @@ def solve(
         If no feasible iterate was found.
     """
     began = time.process_time()
-    it = Iterate(problem, start, centring, inside, chord)
+    it = Iterate(problem, start, centring, inside)
     status, count = "", 0
     while not status:
         count += 1
@@ -229,7 +215,7 @@ def _iterate(it: Iterate) -> str:
     """One predictor-corrector step; returns why it cannot go on, or ""."""
     from planner.solvers import kernels
 
-    state = (it.rows, it.jerk, it.chord, it.z, it.slack, it.dual, it.product)
+    state = (it.rows, it.jerk, it.z, it.slack, it.dual, it.product)
     system = (it.hessian, it.gradient)
     kernels.condense(*state, it.weight, 0.0, 0.0, False, True, *system)
     if kernels.factor(it.h, it.hessian, it.gains, it.root) <= 0.0:
@@ -313,7 +299,7 @@ def lower_bound(it: Iterate) -> tuple[float, bool]:
 
     dual = it.dual.copy()
     none = np.zeros_like(it.weight)
-    state = (it.rows, it.jerk, it.chord, it.z)
+    state = (it.rows, it.jerk, it.z)
     kernels.condense(*state, it.slack, dual, it.product, none, 0.0, 0.0, True, True, it.hessian, it.gradient)
     if kernels.factor(it.h, it.hessian, it.gains, it.root) <= 0.0:
         return -np.inf, False
@@ -332,7 +318,7 @@ def lower_bound(it: Iterate) -> tuple[float, bool]:
 
 def concave_at(it: Iterate, dual: FloatArray) -> NDArray[np.bool_]:
     """Points at which the Lagrangian is not convex: Lam > w, coincident points taken together."""
-    merged = it.weight - dual[it.jerk].sum(axis=(0, 1)) * (it.chord[0] == 0.0)
+    merged = it.weight - dual[it.jerk].sum(axis=(0, 1))
     first = 2 * np.flatnonzero(it.h == 0.0)
     merged[first] += merged[first + 1] + merged[first + 2]
     merged[first + 1] = merged[first + 2] = merged[first]
