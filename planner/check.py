@@ -63,6 +63,7 @@ _LENGTH_ACCURACY = 1e-14
 # A period is looked at in sixteenths; chords start every fourth of them.
 _CHORD_PARTS = 16
 _CHORD_STRIDE = 4
+_STARTS_PER_INTERVAL = 24
 
 _AXIS_RATES = ("velocity", "acceleration", "jerk")
 _TIP_RATES = ("feed", "tangential acceleration", "tangential jerk")
@@ -802,15 +803,10 @@ def _profile_chord(motion: _Motion, period: float) -> tuple[float, Place]:
 
     top = np.zeros(0)
     top_start, top_share = np.zeros(0), np.zeros(0)
-    part = period / _CHORD_PARTS
-    for window in _chunks(int(np.ceil(end / (part * _CHORD_STRIDE))), _CHORD_PARTS + 1):
-        first = window[0] * _CHORD_STRIDE
-        k = np.arange(first, window[-1] * _CHORD_STRIDE + _CHORD_PARTS + 1)
-        view = np.lib.stride_tricks.sliding_window_view(position(k * part), _CHORD_PARTS + 1, axis=0)
-        points = np.moveaxis(view[::_CHORD_STRIDE], -1, 1)
+    for starts, points in _chords(law, position, period, end):
         height, at = _peaks(_from_segment(points, points[:, 0], points[:, -1]))
         top = np.concatenate([top, height])
-        top_start = np.concatenate([top_start, window * _CHORD_STRIDE * part])
+        top_start = np.concatenate([top_start, starts])
         top_share = np.concatenate([top_share, at / _CHORD_PARTS])
         order = np.argsort(-top, kind="stable")[:_CANDIDATES]
         top, top_start, top_share = top[order], top_start[order], top_share[order]
@@ -820,6 +816,29 @@ def _profile_chord(motion: _Motion, period: float) -> tuple[float, Place]:
     best = int(heights.argmax())
     t = min(float(start[best] + share[best] * period), end)
     return float(heights[best]), (t, float(parameter(np.array([t]))[0]))
+
+
+def _chords(
+    law: _Law, position: Callable[[FloatArray], FloatArray], period: float, end: float
+) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Starts of chords of one period, and the path at equal times within each, (n, parts + 1, dim), in chunks.
+
+    The starts are a fraction of the period apart; where a plan has far more periods than nodes they follow the nodes, as
+    nothing changes faster than between two of those.
+    """
+    part = period / _CHORD_PARTS
+    count = int(np.ceil(end / (part * _CHORD_STRIDE)))
+    if count <= _STARTS_PER_INTERVAL * law.h.size + _CANDIDATES:
+        for window in _chunks(count, _CHORD_PARTS + 1):
+            k = np.arange(window[0] * _CHORD_STRIDE, window[-1] * _CHORD_STRIDE + _CHORD_PARTS + 1)
+            view = np.lib.stride_tricks.sliding_window_view(position(k * part), _CHORD_PARTS + 1, axis=0)
+            yield window * _CHORD_STRIDE * part, np.moveaxis(view[::_CHORD_STRIDE], -1, 1)
+        return
+    within = np.arange(_STARTS_PER_INTERVAL) / _STARTS_PER_INTERVAL
+    every = (law.start[:, None] + law.h[:, None] * within).reshape(-1)
+    for window in _chunks(every.size, _CHORD_PARTS + 1):
+        starts = every[window]
+        yield starts, position(starts[:, None] + part * np.arange(_CHORD_PARTS + 1))
 
 
 def _climb_chords(

@@ -23,6 +23,7 @@ from planner.sections import evaluate
 
 _GAUSS_POINTS = 8  # on half an interval: the integrand varies little there
 _POINTS_PER_INTERVAL = 10  # an interval of a solver has two nodes' intervals, hence 20 points
+_DEEPEST_DIP = 1e-4
 _CHUNK = 20_000
 # Intervals this near to the largest slowdown, at most this many, are looked at with this many points.
 _CLOSE, _CLOSEST, _CLOSE_POINTS = 1e-4, 64, 400
@@ -77,6 +78,9 @@ class SpeedLaw:
             w = h[:, None] * (0.25 * (nodes + 1.0) + 0.5 * half)
             cubic = (self.c[1:] - self.c[:-1]) / np.where(h > 0.0, h, 1.0) / 3.0
             inner = self.x[:-1, None] + w * (2.0 * self.a[:-1, None] + w * (self.c[:-1, None] + w * cubic[:, None]))
+            # A cubic may dip below 0 between collocation points of a coarse grid; it is slow there, not undefined, and the
+            # excess that the quintic shows makes the grid finer.
+            np.maximum(inner, _DEEPEST_DIP * np.minimum(self.x[:-1], self.x[1:])[:, None], out=inner)
             dt[half::2] = 0.25 * h * (inner**-0.5 @ weights)
         t = np.concatenate([[0.0], np.cumsum(dt)])
         u, u1, u2, _ = path.u

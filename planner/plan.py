@@ -370,7 +370,7 @@ def _run(
         problem,
         start,
         centring=0.1 if warm else 1.0,
-        tolerance=tolerance or optimal.GAP_TOLERANCE,
+        tolerance=tolerance,
         deadline=deadline,
         progress=progress,
     )

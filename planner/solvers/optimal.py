@@ -60,7 +60,8 @@ from planner.errors import SolverError
 from planner.geometry.curve import FloatArray
 
 GAP_TOLERANCE = 1e-5
-_MAX_ITERATIONS = 120
+_FINEST_GAP, _SMALLEST_SHARE = 1e-10, 1e-3
+_MAX_ITERATIONS = 150
 _FEASIBLE = 1e-9
 _HOPE = 2.0  # weight of the hoped-for gain in the centring
 _LARGEST_FALL = 0.9
@@ -155,7 +156,7 @@ def solve(
     *,
     centring: float = 1.0,
     inside: float = 0.95,
-    tolerance: float = GAP_TOLERANCE,
+    tolerance: float | None = None,
     deadline: float = np.inf,
     progress: Callable[[str, float | None], None] | None = None,
 ) -> Solution:
@@ -171,7 +172,7 @@ def solve(
     inside : float
         Share of the limits that the start is slowed down to: less for a rough one.
     tolerance : float
-        Relative gap at which to stop.
+        Relative gap at which to stop; if left out, 1e-5, or less where some intervals take hardly any time.
     deadline : float
         Value of ``time.perf_counter()`` at which to stop with the iterate at hand.
     progress : callable, optional
@@ -187,6 +188,7 @@ def solve(
         If no feasible iterate was found.
     """
     began = time.process_time()
+    tolerance = _tolerance(problem) if tolerance is None else tolerance
     it = Iterate(problem, start, centring, inside)
     status, count = "", 0
     while not status:
@@ -209,6 +211,13 @@ def solve(
     x, a, c = (row.copy() for row in knots)
     cpu = time.process_time() - began
     return Solution(x, a, c, it.time, status, count, it.gap / it.time, it.residual, cpu, it)
+
+
+def _tolerance(problem: Constraints) -> float:
+    """Relative gap that resolves the shortest interval too: the share of one row below a thousandth of its time."""
+    share = problem.weight[1::2][problem.h > 0.0] * problem.guess[:-1][problem.h > 0.0] ** -0.5
+    rows = 2 * (1 + len(problem.acceleration) + len(problem.jerk)) * problem.cap.size
+    return float(np.clip(_SMALLEST_SHARE * rows * share.min() / share.sum(), _FINEST_GAP, GAP_TOLERANCE))
 
 
 def _iterate(it: Iterate) -> str:
