@@ -832,13 +832,13 @@ def _chords(
         for window in _chunks(count, _CHORD_PARTS + 1):
             k = np.arange(window[0] * _CHORD_STRIDE, window[-1] * _CHORD_STRIDE + _CHORD_PARTS + 1)
             view = np.lib.stride_tricks.sliding_window_view(position(k * part), _CHORD_PARTS + 1, axis=0)
-            yield window * _CHORD_STRIDE * part, np.moveaxis(view[::_CHORD_STRIDE], -1, 1)
+            yield np.asarray(window * _CHORD_STRIDE * part, dtype=np.float64), np.moveaxis(view[::_CHORD_STRIDE], -1, 1)
         return
     within = np.arange(_STARTS_PER_INTERVAL) / _STARTS_PER_INTERVAL
     every = (law.start[:, None] + law.h[:, None] * within).reshape(-1)
     for window in _chunks(every.size, _CHORD_PARTS + 1):
         starts = every[window]
-        yield starts, position(starts[:, None] + part * np.arange(_CHORD_PARTS + 1))
+        yield np.asarray(starts), position(starts[:, None] + part * np.arange(_CHORD_PARTS + 1))
 
 
 def _climb_chords(
@@ -915,19 +915,21 @@ def _check_samples(curve: Curve, limits: Limits, samples: Samples, density: int,
     # 2^n e / T^n; for the jerk 8 e / T^3.
     slope = np.abs(curve.derivatives(u, 1)[1] * u[:, None]).max(axis=0)
     rounding = _EPS * (np.abs(samples.position).max(axis=0) + 0.5 * slope)
-    held = np.pad(samples.position, ((3, 3), (0, 0)), mode="edge")
+    moving, before = _held(samples, samples.position)
     for n, name in enumerate(_AXIS_RATES, start=1):
-        sizes = np.abs(np.diff(held, n, axis=0)) / period**n
+        sizes = np.abs(np.diff(moving, n, axis=0)) / period**n
         for j in range(curve.dim):
             k = int(sizes[:, j].argmax())
             slack = 2.0**n * rounding[j] / period**n
-            place = _middle(samples, k - 3 + 0.5 * n)
+            place = _middle(samples, k - before + 0.5 * n)
             rows.add(name, sizes[k, j], getattr(limits, name)[j], place, slack=slack, j=j)
     s = curve.arclength.s(u)
     s_rounding = _LENGTH_ACCURACY * curve.length + tip_rounding
-    held = np.pad(s, 3, mode="edge")
+    moving, before = _held(samples, s)
     for n, name in ((2, "tangential acceleration"), (3, "tangential jerk")):
-        size = np.abs(np.diff(held, n)) / period**n
+        size = np.abs(np.diff(moving, n)) / period**n
+        if size.size == 0:
+            continue
         k = int(size.argmax())
         allowed = getattr(limits, name.replace(" ", "_"))
         slack = 2.0**n * s_rounding / period**n
@@ -935,6 +937,19 @@ def _check_samples(curve: Curve, limits: Limits, samples: Samples, density: int,
     change = np.diff(feeds) / period if feeds.size > 1 else np.zeros(1)
     ends = (feeds[0], feeds[-1], change[0], change[-1])
     return Report(tuple(rows.rows + table), *(float(value) for value in ends))
+
+
+def _held(samples: Samples, values: FloatArray) -> tuple[FloatArray, int]:
+    """Samples as the drives see them, and how many were put before the first.
+
+    At an end at rest the point is held, three times for the third difference.  At an end with a feed the path goes on:
+    nothing is added, and the last period, which the end of the curve cuts short, is left out.
+    """
+    before = 3 if samples.start_feed == 0.0 else 0
+    after = 3 if samples.end_feed == 0.0 else 0
+    inner = values if after or values.shape[0] < 3 else values[:-1]
+    width = [(before, after)] + [(0, 0)] * (values.ndim - 1)
+    return np.pad(inner, width, mode="edge"), before
 
 
 def _middle(samples: Samples, k: float) -> Place:

@@ -28,10 +28,14 @@ from planner.limits import Limits, chord_feed_limit
 from planner.sections import Section, axis_weights, evaluate
 
 # A step D of an axis' acceleration adds 0.75 D / period to the jerk of the samples: with D <= 2/3 J period that is
-# J/2, and the plan's own jerk near the break takes at most the other half.
+# J/2, and the plan's own jerk near the break takes at most the other half, less what it may exceed between points.
 _STEP_SHARE = 2.0 / 3.0
 _HALF = 0.5
+_OTHER_HALF = 0.49
 _PERIODS_AROUND_STEP = 3.0
+# Phases, in periods, at which the steps of jumps close to one another are added up, and the search for the x they allow.
+_PHASES = np.linspace(-1.0, 1.0, 17)
+_LARGEST_SLOWING, _HALVINGS, _JUMPS_AT_ONCE = 14.0, 16, 10_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,8 +136,8 @@ def build(
     tau = duration / grid.intervals
     cap = speed_cap(limits, path)
     rows_a, rows_j = acceleration_rows(limits, path), jerk_rows(limits, path)
-    for b in section.jumps:
-        _soften_jump(b.u, limits, grid, path, cap, rows_j)
+    if section.jumps:
+        _soften_jumps(section, limits, grid, path, cap, rows_j)
     rows_a[:, :, empty] = 0.0
     rows_j[:, :, empty] = 0.0
     weight = np.zeros(2 * n - 1)
@@ -190,23 +194,63 @@ def jerk_rows(limits: Limits, path: Path) -> FloatArray:
     return np.array(rows).reshape(len(rows), 3, path.curvature.size)
 
 
-def _soften_jump(at: float, limits: Limits, grid: Grid, path: Path, cap: FloatArray, rows_j: FloatArray) -> None:
-    """Lower the cap at a curvature jump and halve the jerk within three periods of it."""
-    first = int(np.flatnonzero((grid.u[:-1] == at) & (grid.u[1:] == at))[0])
-    step = np.abs(path.axes[2, 2 * first + 2] - path.axes[2, 2 * first])
-    with np.errstate(divide="ignore"):
-        allowed = float(np.min(_STEP_SHARE * limits.jerk * limits.period / step))
-    cap[2 * first : 2 * first + 3] = np.minimum(cap[2 * first : 2 * first + 3], allowed)
-    # Within three periods the plan cannot go further than at the break's feed plus three periods of acceleration.
-    sigma = np.repeat(grid.sigma, 2)[:-1].copy()
-    sigma[1::2] = 0.5 * (grid.sigma[1:] + grid.sigma[:-1])
-    window = _PERIODS_AROUND_STEP * limits.period
+def _soften_jumps(
+    section: Section, limits: Limits, grid: Grid, path: Path, cap: FloatArray, rows_j: FloatArray
+) -> None:
+    """Lower the cap at curvature jumps and halve the jerk within three periods of them."""
+    first = grid.left[np.searchsorted(grid.u[grid.left], [b.u for b in section.jumps])]
+    at = grid.sigma[first]
+    step = path.axes[2, 2 * first + 2] - path.axes[2, 2 * first]
     slope = np.abs(path.axes[1, 2 * first])
     with np.errstate(divide="ignore", invalid="ignore"):
-        gain = float(np.nanmin(np.append(limits.acceleration, np.inf) / np.append(slope, 0.0))) * window
-    reach = window * (np.sqrt(cap[2 * first]) + gain) if np.isfinite(gain) else np.inf
-    near = np.abs(sigma - grid.sigma[first]) <= max(reach, float(np.diff(grid.sigma)[first - 1]))
-    rows_j[:, :, near] /= _HALF
+        alone = np.min(_STEP_SHARE * limits.jerk * limits.period / np.abs(step), axis=1)
+        gain = np.min(limits.acceleration / slope, axis=1)
+    passed = _together(at, step, np.minimum(alone, cap[2 * first]), limits)
+    for k in (0, 1, 2):
+        cap[2 * first + k] = np.minimum(cap[2 * first + k], passed)
+    # Within three periods the plan cannot go further than at the break's feed plus three periods of acceleration.
+    window = _PERIODS_AROUND_STEP * limits.period
+    reach = window * np.minimum(np.sqrt(passed) + gain * window, np.sqrt(cap.max()))
+    # Whole intervals: within the one that the window ends in, the jerk climbs from one half to all of it.
+    lo = np.maximum(np.searchsorted(grid.sigma, at - reach, side="right") - 1, 0)
+    hi = np.minimum(np.searchsorted(grid.sigma, at + reach, side="left"), grid.sigma.size - 1)
+    edges = np.bincount(2 * lo, minlength=cap.size + 1) - np.bincount(2 * hi + 1, minlength=cap.size + 1)
+    rows_j[:, :, np.cumsum(edges[:-1]) > 0] /= _OTHER_HALF
+
+
+def _together(at: FloatArray, step: FloatArray, alone: FloatArray, limits: Limits) -> FloatArray:
+    """Largest x at jumps (m,) of q'' by ``step`` (m, dim), given those at which each alone may be passed.
+
+    At constant sigma_dot the jumps k are seen in the samples as the jerk x / T sum_k step_k B((sigma - sigma_k) /
+    (T sqrt(x))), B the quadratic B-spline.  Jumps further apart than its support of three periods do not meet.
+    """
+    found = alone.copy()
+    gap = np.diff(at, prepend=-np.inf, append=np.inf)
+    reach = 2.0 * _PERIODS_AROUND_STEP * limits.period * np.sqrt(alone)
+    close = np.flatnonzero((np.minimum(gap[1:], gap[:-1]) < reach) & np.isfinite(alone))
+
+    def share(i: NDArray[np.intp], x: FloatArray) -> FloatArray:
+        width = limits.period * np.sqrt(x)
+        centre = at[i, None] + _PHASES * width[:, None]
+        total = np.zeros((i.size, _PHASES.size, step.shape[1]))
+        lo = np.searchsorted(at, centre[:, 0] - 1.5 * width)
+        hi = np.searchsorted(at, centre[:, -1] + 1.5 * width, side="right")
+        for k in range(int((hi - lo).max())):
+            j = np.minimum(lo + k, at.size - 1)
+            z = np.abs(centre - at[j, None]) / width[:, None]
+            spline = np.where(z <= 0.5, 0.75 - z**2, 0.5 * np.maximum(1.5 - z, 0.0) ** 2)
+            total += np.where((lo + k < hi)[:, None], spline, 0.0)[:, :, None] * step[j, None, :]
+        return np.asarray((np.abs(total).max(axis=1) / limits.jerk).max(axis=1) * x / limits.period)
+
+    for some in np.array_split(close, max(1, close.size // _JUMPS_AT_ONCE)):
+        meets = some[share(some, found[some]) > _HALF] if some.size else some
+        lo, hi = np.full(meets.size, -_LARGEST_SLOWING), np.zeros(meets.size)
+        for _ in range(_HALVINGS if meets.size else 0):
+            mid = 0.5 * (lo + hi)
+            holds = share(meets, alone[meets] * np.exp(mid)) <= _HALF
+            lo, hi = np.where(holds, mid, lo), np.where(holds, hi, mid)
+        found[meets] = alone[meets] * np.exp(lo)
+    return found
 
 
 def _guess(section: Section, grid: Grid, guess: Scan) -> tuple[FloatArray, float]:

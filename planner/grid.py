@@ -5,7 +5,7 @@ the plan.  It gives the time spent along the path, and knots are placed by
 
     density = 0.2 uniform + 0.5 time + 0.3 turning angle,
 
-with neighbouring spacings within a factor of about 2, no fewer than a dozen in each rest blend, and a knot on every
+with neighbouring spacings within a factor of about 2, no fewer than twenty in each rest blend, and a knot on every
 break of the path: a double one where q''' jumps, so that the plan's third derivative may jump with it.
 """
 
@@ -24,7 +24,7 @@ from planner.sections import BLEND_LENGTH, Section, axis_weights, evaluate
 _UNIFORM, _TIME, _TURNING = 0.2, 0.5, 0.3
 # |d spacing / d sigma| that keeps neighbours within a factor 2
 _GROWTH = 0.6
-_BLEND_KNOTS = 12
+_BLEND_KNOTS = 20
 _SCAN_PER_INTERVAL = 2
 _MIN_SCAN = 600
 # How much of acceleration and jerk the scans let the feed use along the path; the rest is left to the curvature.
@@ -149,7 +149,8 @@ def _reachable(
     for index, prescribed in ((0, section.start_feed), (-1, section.end_feed)):
         at_end = 0.0 if prescribed is None else prescribed * per_tip_feed[index]
         feed[index] = min(feed[index], at_end) if np.isfinite(at_end) else feed[index]
-    for power, rate in ((2.0, 2.0 * _SCAN_ACCELERATION * acceleration), (1.5, _SCAN_JERK * np.sqrt(jerk))):
+    growths = ((2.0, 2.0 * _SCAN_ACCELERATION * acceleration), (1.5, _SCAN_JERK * np.sqrt(jerk)))
+    for power, rate in growths:
         finite = np.isfinite(rate)
         if not finite.any():
             continue

@@ -37,9 +37,10 @@ _ACCEPTED_SLOWDOWN = 1.0002
 # Beyond this the grid is too coarse there, and is refined; below, tightening the limits locally is enough.
 _TOO_COARSE = 1.004
 _MARGIN_STEP = 2e-5
-_MAX_ROUNDS = 5
+_MAX_ROUNDS = 6
 # Slowing down is measured at points; the peaks between them are higher by less than this.
 _PEAK_MARGIN = 2e-8
+_PRESCRIBED_MARGIN = 2e-6
 # An interior point needs room above a feed that is prescribed at its limit.
 _PRESCRIBED_ROOM = 1e-9
 
@@ -65,9 +66,9 @@ class Margins:
     jerk: FloatArray
 
     @classmethod
-    def none(cls, grid: Grid) -> Margins:
-        """No margin anywhere."""
-        return cls(*np.ones((3, 2 * grid.sigma.size - 1)))
+    def uniform(cls, grid: Grid, margin: float) -> Margins:
+        """The same margin everywhere."""
+        return cls(*np.full((3, 2 * grid.sigma.size - 1), margin))
 
     def raised(self, used: Utilisation, grid: Grid) -> Margins:
         """Raise the margins where a plan made with these ones used more than its limits."""
@@ -260,7 +261,8 @@ def _solve_and_refine(
     grid = place_knots(section, guess, wanted)
     # A slower clock would change a prescribed feed; there the limits are tightened instead, and met without a margin.
     prescribed = section.has_prescribed_feed
-    margins = Margins.none(grid)
+    least = 1.0 + _PRESCRIBED_MARGIN if prescribed else 1.0
+    margins = Margins.uniform(grid, least)
     best: SectionPlan | None = None
     iterate: Any = None
     for round_ in range(_MAX_ROUNDS):
@@ -290,7 +292,7 @@ def _solve_and_refine(
             break
         if slowdown > _TOO_COARSE and intervals is None:
             grid = split(section, grid, _by_interval(used.slowdown, grid) > _ACCEPTED_SLOWDOWN)
-            margins = Margins.none(grid)
+            margins = Margins.uniform(grid, least)
         else:
             margins = margins.raised(used, grid)
     if best is None:

@@ -132,12 +132,17 @@ class Samples:
         Curve parameter.
     position : (m, dim) array
         Machine axes, mm (rad for rotary axes); the last row is the end of the curve exactly.
+    start_feed, end_feed : float
+        Feed of the plan at the first and last sample, mm/s.  Where it is 0 the point is held beyond the end; elsewhere
+        the path goes on, and a last period cut short by the end of the curve is no motion of the machine's.
     """
 
     period: float
     t: FloatArray
     u: FloatArray
     position: FloatArray
+    start_feed: float = 0.0
+    end_feed: float = 0.0
 
     def __post_init__(self) -> None:
         for array in (self.t, self.u, self.position):
