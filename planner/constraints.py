@@ -168,12 +168,19 @@ def build(
     return constraints, path
 
 
+def speed_limits(limits: Limits, path: Path) -> FloatArray:
+    """Largest sigma_dot at each point by feed, chord error and each axis velocity, (2 + dim, p)."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        feed = limits.feed / path.tip[1]
+        chord = chord_feed_limit(path.curvature, limits) / path.tip[1]
+        velocity = limits.velocity / np.abs(path.axes[1])
+    rows = np.vstack([feed, chord, velocity.T])
+    return np.where(np.isnan(rows), np.inf, rows)
+
+
 def speed_cap(limits: Limits, path: Path) -> FloatArray:
     """Largest x that feed, chord error and axis velocities allow at each point."""
-    feed = np.minimum(limits.feed, chord_feed_limit(path.curvature, limits))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        speed = np.fmin(feed / path.tip[1], np.fmin.reduce(limits.velocity / np.abs(path.axes[1]), axis=1))
-    return np.where(np.isnan(speed), np.inf, speed) ** 2
+    return np.asarray(speed_limits(limits, path).min(axis=0) ** 2)
 
 
 def _motions(limits: Limits, path: Path) -> list[tuple[FloatArray, float, float]]:

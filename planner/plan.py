@@ -286,7 +286,7 @@ def _solve_and_refine(
         kappa = 1.0 if prescribed else max(1.0, slowdown * (1.0 + _PEAK_MARGIN))
         candidate = SectionPlan(nodes.dilated(kappa), np.nan, stats)
         if best is None or prescribed or candidate.nodes.t[-1] < best.nodes.t[-1]:
-            best, iterate = candidate, solution.iterate
+            best, iterate, at_points = candidate, solution.iterate, path
         accepted = slowdown <= (1.0 + _PEAK_MARGIN if prescribed else _ACCEPTED_SLOWDOWN)
         if accepted or time.perf_counter() > deadline:
             break
@@ -300,11 +300,14 @@ def _solve_and_refine(
     if iterate is None:
         return best
     from planner.bounds import without_jerk
+    from planner.sensitivity import saved_by_one_percent
     from planner.solvers.optimal import lower_bound
 
     bound, is_global = lower_bound(iterate)
     bound = min(max(bound * unit, without_jerk(section, limits, grid)[1]), float(best.nodes.t[-1]))
-    return replace(best, lower_bound=bound, stats=best.stats | {"global": is_global})
+    saved = saved_by_one_percent(iterate, at_points, limits, section.curve.axes)
+    saved = {name: value * unit for name, value in saved.items()}
+    return replace(best, lower_bound=bound, stats=best.stats | {"global": is_global, "saved_by_one_percent": saved})
 
 
 def _by_interval(values: FloatArray, grid: Grid) -> FloatArray:
@@ -410,5 +413,11 @@ def _collect(sections: list[Section], plans: list[SectionPlan], limits: Limits, 
         if found:
             stats[key] = max(found)
     stats |= {"exact_stop": exact_stop, "periodic": any(np.isnan(s.start_feed or 0.0) for s in sections)}
+    saved: dict[str, float] = {}
+    for s in every:
+        for name, value in s.get("saved_by_one_percent", {}).items():
+            saved[name] = saved.get(name, 0.0) + value
+    if saved:
+        stats["saved_by_one_percent"] = dict(sorted(saved.items(), key=lambda item: -item[1]))
     stats["global"] = all(s.get("global", False) for s in every)
     return stats
