@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import platform
 from importlib.metadata import version
 from pathlib import Path
@@ -23,7 +24,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from planner import Curve, FeedrateProfile, Limits, certify, check, load_curve, load_limits, plan_feedrate
+from planner import Curve, FeedrateProfile, Limits, __version__, certify, check, load_curve, load_limits, plan_feedrate
 
 REFERENCE = {  # s: feed 100 and 300 mm/s
     ("teardrop", 1.0): (1.1402, 0.9040),
@@ -103,18 +104,18 @@ def measure(curve: Curve, limits: Limits, optimum: float, repeats: int, interval
 
 
 def show(results: dict[str, dict[str, Any]]) -> Table:
-    table = Table(title="jerk-limited plans against references")
-    for name in ("case", "optimum", "duration", "above", "bound", "solve", "whole plan", "toppra", "IPOPT"):
-        table.add_column(name, justify="left" if name == "case" else "right")
+    table = Table(title="jerk-limited plans against references; durations in s, computing in CPU ms")
+    for name in ("case", "optimum", "duration", "above", "bound", "solve", "plan", "toppra", "IPOPT"):
+        table.add_column(name, justify="left" if name == "case" else "right", no_wrap=True)
     for name, row in results.items():
         times = [row["solve_cpu_s"], row["plan_cpu_s"], row["toppra_cpu_s"], row["nlp_solve_cpu_s"]]
         table.add_row(
             name,
-            f"{row['reference_s']:.4f} s",
-            f"{row['duration_s']:.4f} s",
+            f"{row['reference_s']:.4f}",
+            f"{row['duration_s']:.4f}",
             f"{100.0 * row['above_reference']:+.3f} %",
-            f"{row['certified_bound_s']:.4f} s",
-            *("fails" if seconds is None else f"{1e3 * seconds:.1f} ms" for seconds in times),
+            f"{row['certified_bound_s']:.4f}",
+            *("fails" if seconds is None else f"{1e3 * seconds:.1f}" for seconds in times),
         )
     return table
 
@@ -131,10 +132,10 @@ def main() -> None:
     }
     Console().print(show(results))
     if options.output is not None:
-        packages = {name: version(name) for name in ("feedplan", "numpy", "numba", "toppra", "casadi")}
+        packages = {"feedplan": __version__} | {name: version(name) for name in ("numpy", "numba", "toppra", "casadi")}
         header = {
             "intervals": options.intervals,
-            "machine": platform.processor() or platform.machine(),
+            "hardware": {"platform": platform.platform(), "machine": platform.machine(), "cores": os.cpu_count()},
             "packages": packages,
         }
         options.output.write_text(json.dumps(header | {"cases": results}, indent=1) + "\n", encoding="utf-8")

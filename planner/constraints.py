@@ -23,13 +23,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.geometry.curve import FloatArray
-from planner.grid import Grid, Scan
+from planner.grid import STEP_SHARE, Grid, Scan
 from planner.limits import Limits, chord_feed_limit
 from planner.sections import Section, axis_weights, evaluate
 
-# A step D of an axis' acceleration adds 0.75 D / period to the jerk of the samples: with D <= 2/3 J period that is
-# J/2, and the plan's own jerk near the break takes at most the other half, less what it may exceed between points.
-_STEP_SHARE = 2.0 / 3.0
+# Steps of the acceleration at curvature jumps make up to half of the samples' jerk (STEP_SHARE), and the plan's own jerk
+# near the break at most the other half, less what it may exceed between points.
 _HALF = 0.5
 _OTHER_HALF = 0.49
 _PERIODS_AROUND_STEP = 3.0
@@ -210,7 +209,7 @@ def _soften_jumps(
     step = path.axes[2, 2 * first + 2] - path.axes[2, 2 * first]
     slope = np.abs(path.axes[1, 2 * first])
     with np.errstate(divide="ignore", invalid="ignore"):
-        alone = np.min(_STEP_SHARE * limits.jerk * limits.period / np.abs(step), axis=1)
+        alone = np.min(STEP_SHARE * limits.jerk * limits.period / np.abs(step), axis=1)
         gain = np.min(limits.acceleration / slope, axis=1)
     passed = _together(at, step, np.minimum(alone, cap[2 * first]), limits)
     for k in (0, 1, 2):

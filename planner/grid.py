@@ -32,6 +32,11 @@ _SCAN_ACCELERATION = 0.7
 _SCAN_JERK = 0.35 * 2.12
 # An axis that hardly moves at a stop hardly limits what the path may do there; beyond this factor its share is not taken.
 _UNUSUAL = 10.0
+# A step D of an axis' acceleration adds 0.75 D / period to the jerk of the samples: with D <= 2/3 J period that is J/2.
+STEP_SHARE = 2.0 / 3.0
+# Spacing at a curvature jump against the width of the dip there, and at most how many knots a dip may add to a grid.
+_DIP_SHARE, _DIP_KNOTS = 0.25, 40
+_DIP_LEVELS = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +45,7 @@ class Scan:
 
     ``y`` and ``length`` (weighted arc length) at the samples; ``feed`` the guess and ``ceiling`` the pointwise bound in
     weighted units per s; ``turning`` the accumulated turning angle, rad; ``acceleration`` and ``jerk`` the tangential
-    ones that the axes allow at the samples; ``speed`` the weighted |dq/du|.
+    ones that the axes allow at the samples; ``speed`` the weighted |dq/du|.  ``dips`` are the curvature jumps.
     """
 
     y: FloatArray
@@ -51,6 +56,16 @@ class Scan:
     acceleration: FloatArray
     jerk: FloatArray
     speed: FloatArray
+    dips: Dips
+
+
+@dataclass(frozen=True, eq=False)
+class Dips:
+    """Curvature jumps: their ``y``, the ``feed`` to pass them, and over which ``width`` of y the feed doubles or so."""
+
+    y: FloatArray
+    feed: FloatArray
+    width: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +106,10 @@ def scan(section: Section, limits: Limits, intervals: int) -> Scan:
     y = np.linspace(section.y_start, section.y_end, count + 1)
     # The ends need closer samples, or a start that is short against the path is stepped over.
     near = (section.y_end - section.y_start) * np.geomspace(1e-9, 0.5 / count, 48)
-    y = np.unique(np.concatenate([y, section.y_start + near, section.y_end - near, section.coordinate(breaks)]))
+    dips = _dips(section, limits, weights)
+    close = _close_to(dips, (section.y_end - section.y_start) / count)
+    close = close[(close > section.y_start) & (close < section.y_end)]
+    y = np.unique(np.concatenate([y, section.y_start + near, section.y_end - near, section.coordinate(breaks), close]))
     u = section.parameter(y)
     q = evaluate(curve, u, u >= section.u_end)
     scaled = q.copy()
@@ -113,10 +131,36 @@ def scan(section: Section, limits: Limits, intervals: int) -> Scan:
         acceleration = np.fmin(acceleration, np.where(ratio > 0.0, limits.tangential_acceleration / ratio, np.inf))
         jerk = np.fmin.reduce(jerks / np.abs(arc[1]), axis=1)
         jerk = np.fmin(jerk, np.where(ratio > 0.0, limits.tangential_jerk / ratio, np.inf))
+    at = np.searchsorted(y, dips.y)
+    ceiling[at] = np.minimum(ceiling[at], dips.feed)
     kappa = np.sqrt(np.sum(arc[2] ** 2, axis=-1))
     per_tip_feed = np.divide(1.0, ratio, out=np.full_like(ratio, np.inf), where=ratio > 0.0)
     feed = _reachable(section, ceiling, length, acceleration, jerk, per_tip_feed)
-    return Scan(y, length, feed, ceiling, _accumulate(kappa, length), acceleration, jerk, speed)
+    return Scan(y, length, feed, ceiling, _accumulate(kappa, length), acceleration, jerk, speed, dips)
+
+
+def _dips(section: Section, limits: Limits, weights: FloatArray) -> Dips:
+    """Feeds (weighted) at which the curvature jumps of a section may be passed, one by one."""
+    u = np.array([b.u for b in section.jumps])
+    sides = [section.curve.derivatives(u, 3, side=side) for side in ("left", "right")]
+    for d in sides:
+        d[1:] *= weights
+    before, after = (arc_derivatives(d) for d in sides)
+    jerks = weights * limits.jerk
+    with np.errstate(divide="ignore", invalid="ignore"):
+        feed = np.sqrt(np.fmin.reduce(STEP_SHARE * limits.period * jerks / np.abs(after[2] - before[2]), axis=1))
+        width = feed**1.5 / (_SCAN_JERK * np.sqrt(np.fmin.reduce(jerks / np.abs(after[1]), axis=1)))
+    return Dips(section.coordinate(u), feed, np.where(np.isfinite(width), width, np.inf))
+
+
+def _close_to(dips: Dips, spacing: float) -> FloatArray:
+    """Samples around the dips that the given spacing would step over, ever closer."""
+    narrow = dips.width < spacing
+    if not narrow.any():
+        return np.empty(0)
+    levels = int(np.ceil(np.log(spacing / dips.width.min()) / np.log(4.0))) + 1
+    distance = spacing * 0.25 ** np.arange(1, min(levels, _DIP_LEVELS) + 1)
+    return (dips.y[narrow][:, None] + np.concatenate([-distance, distance])).reshape(-1)
 
 
 def _accumulate(rate: FloatArray, over: FloatArray) -> FloatArray:
@@ -224,11 +268,15 @@ def place_knots(section: Section, guess: Scan, intervals: int) -> Grid:
     )
     with np.errstate(divide="ignore"):  # a cell so short that rounding leaves it no share
         spacing = 1.0 / density
+    dips = section.sigma(guess.dips.y)
+    for shift in (0, 1):  # the cells on either side of a dip
+        cell = np.clip(np.searchsorted(sigma, dips) - shift, 0, spacing.size - 1)
+        np.minimum.at(spacing, cell, _DIP_SHARE * guess.dips.width)
     for flip in (slice(None), slice(None, None, -1)):
         ramp = _GROWTH * (mid[flip] if flip.step is None else span - mid[flip])
         spacing[flip] = np.minimum.accumulate(spacing[flip] - ramp) + ramp
     count = np.concatenate([[0.0], np.cumsum(step / spacing)])
-    count *= intervals / count[-1]
+    count *= max(1.0, min(intervals + _DIP_KNOTS * dips.size, count[-1]) / intervals) * intervals / count[-1]
     return _knots(section, sigma, count)
 
 

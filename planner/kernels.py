@@ -66,9 +66,10 @@ def shares(q, tip, rates, rows, scalars, out):
             for k in range(count):
                 kind = 0 if k < dim + 2 else (1 if k < 2 * dim + 3 else 2)
                 value = new[k]
-                if p >= 2 and old[k] >= older[k] and old[k] >= value:
+                if p >= 2:
                     bend = older[k] - 2.0 * old[k] + value
-                    if bend < 0.0:
+                    # the vertex lies within the three points, at an end of the interval perhaps beside its first or last
+                    if bend < 0.0 and abs(older[k] - value) <= -2.0 * bend:
                         value = old[k] - (older[k] - value) ** 2 / (8.0 * bend)
                 out[kind, i] = max(out[kind, i], value)
                 older[k], old[k] = old[k], new[k]

@@ -26,7 +26,7 @@ _POINTS_PER_INTERVAL = 10  # an interval of a solver has two nodes' intervals, h
 _DEEPEST_DIP = 1e-4
 _CHUNK = 20_000
 # Intervals this near to the largest slowdown, at most this many, are looked at with this many points.
-_CLOSE, _CLOSEST, _CLOSE_POINTS = 1e-4, 64, 400
+_CLOSE, _CLOSEST, _CLOSE_POINTS = 1e-2, 64, 400
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,335 @@
+"""Plans of whole paths: durations against reference optima, feasibility between the nodes, stops, ends and bad input."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from interp import replay
+from planner import (
+    Curve,
+    InfeasibleError,
+    InputError,
+    Limits,
+    certify,
+    check,
+    load_curve,
+    load_limits,
+    plan_feedrate,
+)
+from planner.geometry.formula import FormulaCurve
+from planner.geometry.nurbs import NurbsCurve
+
+# s at 100 and 300 mm/s: three independent solvers agree within 1e-4; without jerk limit by toppra
+OPTIMA = {
+    ("teardrop", 1.0): ((1.1402, 0.9040), (1.0903, 0.8506)),
+    ("butterfly", 10.0): ((4.1574, 3.3027), (4.0856, 3.2169)),
+    ("hypotrochoid", 10.0): ((7.1202, 3.6401), (7.0615, 3.5830)),
+    ("snailshell", 10.0): ((1.8027, 1.5875), (1.7260, 1.5099)),
+    ("circle", 1.0): ((3.2916, 1.6479), (3.2414, 1.5973)),
+}
+CASES = [
+    pytest.param(name, scale, feed, with_jerk[k], without[k], id=f"{name}-{feed:g}")
+    for (name, scale), (with_jerk, without) in OPTIMA.items()
+    for k, feed in enumerate((100.0, 300.0))
+]
+
+
+def plane(feed: float = 100.0, **changes: object) -> Limits:
+    values = {"velocity": [250.0] * 2, "acceleration": [1000.0] * 2, "jerk": [20000.0] * 2, "chord_error": 1e-3}
+    return Limits(feed, **(values | changes))  # type: ignore[arg-type]
+
+
+def line(length: float) -> Curve:
+    return NurbsCurve([[0.0, 0.0], [length, 0.0]], [0.0, 0.0, 1.0, 1.0], 1, name="line")
+
+
+def square(side: float) -> Curve:
+    corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0, 0]]) * side
+    return NurbsCurve(corners, [0, 0, 1, 2, 3, 4, 4], 1, name="square")
+
+
+def line_into_arc() -> Curve:
+    """20 mm along X, then a quarter circle of radius 10 mm: the curvature jumps by 0.1 1/mm."""
+    points = [[0, 0], [10, 0], [20, 0], [30, 0], [30, 10]]
+    return NurbsCurve(points, [0, 0, 0, 1, 1, 2, 2, 2], 2, [1, 1, 1, np.sqrt(0.5), 1], name="line into arc")
+
+
+def s_curve_time(length: float, v: float, a: float, j: float) -> float:
+    """Shortest rest-to-rest time over a length under velocity, acceleration and jerk limits."""
+    if v * j >= a * a:
+        ramp, ramp_length = v / a + a / j, 0.5 * v * (v / a + a / j)
+    else:
+        ramp, ramp_length = 2.0 * np.sqrt(v / j), v * np.sqrt(v / j)
+    if length >= 2.0 * ramp_length:
+        return float(2.0 * ramp + (length - 2.0 * ramp_length) / v)
+    if length <= 2.0 * a**3 / j**2:
+        return float(np.cbrt(32.0 * length / j))
+    peak = 0.5 * (-(a * a) / j + np.sqrt((a * a / j) ** 2 + 4.0 * a * length))
+    return float(2.0 * (peak / a + a / j))
+
+
+def worst(curve: Curve, limits: Limits, profile: object) -> float:
+    report = check(curve, limits, profile)  # type: ignore[arg-type]
+    assert report.ok, str(report)
+    return max(row.ratio for row in report.rows if np.isfinite(row.ratio))
+
+
+@pytest.mark.parametrize(("name", "scale", "feed", "optimum", "without_jerk"), CASES)
+def test_optimal_plan_reaches_the_reference_optimum_and_keeps_every_limit(
+    name: str, scale: float, feed: float, optimum: float, without_jerk: float
+) -> None:
+    curve, limits = load_curve(name, scale=scale), plane(feed)
+    profile = plan_feedrate(curve, limits)
+    assert optimum * (1.0 - 1e-4) <= profile.duration <= optimum * 1.0005
+    assert profile.stats["status"] == "optimal"
+    assert 0.99 <= worst(curve, limits, profile) <= 1.0 + 1e-6
+    assert worst(curve, limits, replay(curve, profile)) <= 1.0 + 1e-6
+    assert without_jerk * 0.998 <= profile.lower_bound <= profile.duration
+    assert not check(curve, limits, replay(curve, plan_feedrate(curve, plane(feed, jerk=[20300.0] * 2)))).ok
+
+
+@pytest.mark.parametrize(("name", "scale", "feed", "optimum", "without_jerk"), CASES)
+def test_toppra_gives_the_optimum_without_jerk_limit(
+    name: str, scale: float, feed: float, optimum: float, without_jerk: float
+) -> None:
+    profile = plan_feedrate(load_curve(name, scale=scale), plane(feed), method="toppra")
+    assert profile.lower_bound == pytest.approx(without_jerk, rel=2e-3)
+    assert profile.duration < optimum
+    report = check(profile.curve, plane(feed), profile)
+    assert not report.ok
+    kinds = {row.limit for row in report.violations}
+    assert kinds <= {"jerk", "jerk at a curvature break", "acceleration step"}
+
+
+@pytest.mark.parametrize("name", ["teardrop", "circle"])
+def test_ipopt_agrees_with_our_solver(name: str) -> None:
+    ours, reference = (
+        plan_feedrate(load_curve(name), plane(), method=method, intervals=300) for method in ("optimal", "nlp")
+    )
+    assert ours.duration == pytest.approx(reference.duration, rel=1e-4)
+    assert reference.duration == pytest.approx(OPTIMA[name, 1.0][0][0], rel=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "scale", "feed", "optimum", "without_jerk"), CASES)
+def test_ipopt_reaches_the_reference_optimum(
+    name: str, scale: float, feed: float, optimum: float, without_jerk: float
+) -> None:
+    curve = load_curve(name, scale=scale)
+    assert plan_feedrate(curve, plane(feed), method="nlp").duration == pytest.approx(optimum, rel=1e-3)
+    fine = plan_feedrate(curve, plane(feed), method="nlp", intervals=2000)
+    assert fine.duration == pytest.approx(optimum, rel=5e-4)
+
+
+@pytest.mark.slow
+def test_ipopt_on_the_five_axis_flank() -> None:
+    profile = plan_feedrate(load_curve("flank"), load_limits("five-axis"), method="nlp", intervals=500)
+    assert profile.duration == pytest.approx(8.031, rel=1e-2)
+
+
+def test_five_axis_flank() -> None:
+    curve, limits = load_curve("flank"), load_limits("five-axis")
+    profile = plan_feedrate(curve, limits)
+    assert 8.0305 <= profile.duration <= 8.035
+    worst(curve, limits, profile)
+    worst(curve, limits, replay(curve, profile))
+
+
+def test_butterfly_nurbs_with_its_radius_of_23_micrometres() -> None:
+    curve = load_curve("butterfly-nurbs")
+    limits = Limits(250.0, [np.inf] * 2, [2000.0] * 2, [20000.0] * 2)
+    profile = plan_feedrate(curve, limits)
+    assert 4.560 <= profile.duration <= 4.58
+    worst(curve, limits, profile)
+
+
+@pytest.mark.parametrize("length", [1e-6, 0.01, 0.3, 2.0, 5.1, 20.0, 100.0])
+def test_a_line_takes_the_time_of_the_s_curve(length: float) -> None:
+    profile = plan_feedrate(line(length), plane())
+    assert profile.duration == pytest.approx(s_curve_time(length, 100.0, 1000.0, 20000.0), rel=2e-4)
+    assert profile.duration >= s_curve_time(length, 100.0, 1000.0, 20000.0) * (1.0 - 1e-6)
+    worst(line(length), plane(), profile)
+
+
+@pytest.mark.parametrize("curve", [line(1e8), load_curve("circle", scale=1e6)], ids=["line", "circle"])
+def test_a_path_of_100_km_plans(curve: Curve) -> None:
+    profile = plan_feedrate(curve, plane())
+    assert profile.duration == pytest.approx(curve.length / 100.0, rel=1e-3)
+    worst(curve, plane(), profile)
+
+
+def test_a_circle_of_a_nanometre_plans() -> None:
+    curve = load_curve("circle", scale=1e-8)
+    worst(curve, plane(), plan_feedrate(curve, plane()))
+
+
+@pytest.mark.parametrize("factor", [1e-3, 1e3])
+def test_lengths_and_limits_in_another_unit_leave_the_duration(factor: float) -> None:
+    curve, other = load_curve("teardrop"), load_curve("teardrop", scale=factor)
+    scaled = Limits(100 * factor, [250 * factor] * 2, [1e3 * factor] * 2, [2e4 * factor] * 2, 1e-3 * factor)
+    first, second = plan_feedrate(curve, plane()), plan_feedrate(other, scaled)
+    assert second.duration == pytest.approx(first.duration, rel=1e-7)
+
+
+def test_time_in_another_unit_scales_the_duration() -> None:
+    curve = load_curve("teardrop")
+    slow = Limits(10.0, [25.0] * 2, [10.0] * 2, [20.0] * 2, 1e-3, period=1e-2)
+    assert plan_feedrate(curve, slow).duration == pytest.approx(10.0 * plan_feedrate(curve, plane()).duration, rel=1e-7)
+
+
+def test_running_the_path_backwards_takes_as_long() -> None:
+    curve = load_curve("snailshell", scale=10)
+    assert isinstance(curve, FormulaCurve)
+    backwards = {axis: text.replace("u", "(3*pi-u)") for axis, text in curve.expressions.items()}
+    # the function names of these expressions contain no u
+    other = FormulaCurve(backwards, curve.domain, scale=10.0)
+    first, second = (plan_feedrate(c, plane()).duration for c in (curve, other))
+    assert second == pytest.approx(first, rel=2e-4)
+
+
+def test_the_same_input_gives_the_same_plan() -> None:
+    first, second = (plan_feedrate(load_curve("teardrop"), plane()) for _ in range(2))
+    for name in ("t", "u", "u_rate", "u_acceleration", "binding"):
+        assert np.array_equal(getattr(first, name), getattr(second, name))
+
+
+def test_corners_become_exact_stops() -> None:
+    curve = square(20.0)
+    profile = plan_feedrate(curve, plane())
+    assert profile.duration == pytest.approx(4.0 * s_curve_time(20.0, 100.0, 1000.0, 20000.0), rel=1e-4)
+    assert sum("exact stop" in note for note in profile.stats["notes"]) == 3
+    worst(curve, plane(), profile)
+
+
+def test_a_curvature_jump_is_passed_slowly_enough_for_the_samples() -> None:
+    curve, limits = line_into_arc(), plane()
+    profile = plan_feedrate(curve, limits)
+    assert any("curvature jumps" in note for note in profile.stats["notes"])
+    at = int(np.flatnonzero(profile.u == 1.0)[0])
+    step = 0.1 * profile.feed[at] ** 2
+    assert step <= 2.0 / 3.0 * 20000.0 * limits.period * (1.0 + 1e-9)
+    assert profile.feed[at] == pytest.approx(np.sqrt(2.0 / 3.0 * 20.0 / 0.1), rel=0.02)
+    near = np.linspace(profile.t[at] - 3e-3, profile.t[at] + 3e-3, 601)
+    assert np.abs(profile.at(near).jerk).max() <= 0.5 * 20000.0 * (1.0 + 1e-6)
+    worst(curve, limits, profile)
+    for phase in np.linspace(0.0, 0.9, 4):
+        worst(curve, limits, replay(curve, profile, 1e-3 * (1.0 + 0.001 * phase)))
+
+
+def test_exact_stop_stops_at_a_curvature_jump() -> None:
+    profile = plan_feedrate(line_into_arc(), plane(), exact_stop=True)
+    assert profile.feed[profile.u == 1.0].max() == 0.0
+    assert any("exact stop at u = 1" in note for note in profile.stats["notes"])
+    worst(line_into_arc(), plane(), profile)
+
+
+def test_a_resting_tip_is_planned_on_the_rotary_axis() -> None:
+    xy = np.array([[0, 0]] + [[10.0 * k, 0] for k in range(1, 4)] + [[30.0, 0.0]] * 5 + [[30, 5], [30, 15]])
+    points = np.column_stack([xy, 0.1 * np.arange(len(xy))])
+    knots = [0, 0, 0, 0, *range(1, len(xy) - 3), *[len(xy) - 3] * 4]
+    curve = NurbsCurve(points, knots, 3, axes=["X", "Y", "A"], name="tip rests")
+    limits = Limits(100.0, [250, 250, 2], [1000, 1000, 20], [20000, 20000, 400], axes=["X", "Y", "A"])
+    profile = plan_feedrate(curve, limits)
+    resting = np.isin(profile.limit_names, ["jerk A", "acceleration A", "velocity A"])[profile.binding]
+    assert resting[(profile.u > 5.2) & (profile.u < 5.8)].any()
+    worst(curve, limits, profile)
+
+
+def test_entry_and_exit_feeds_are_kept_exactly() -> None:
+    curve = load_curve("teardrop")
+    profile = plan_feedrate(curve, plane(), start_feed=50.0, end_feed=20.0)
+    assert profile.feed[[0, -1]] == pytest.approx([50.0, 20.0], rel=1e-9)
+    assert profile.duration < plan_feedrate(curve, plane()).duration
+    worst(curve, plane(), profile)
+    worst(curve, plane(), replay(curve, profile))
+
+
+def test_a_closed_path_runs_on_without_a_stop() -> None:
+    curve = load_curve("circle")
+    profile = plan_feedrate(curve, plane(), periodic=True)
+    assert profile.duration == pytest.approx(curve.length / 100.0, rel=1e-5)
+    assert profile.feed[0] == pytest.approx(profile.feed[-1], rel=1e-9)
+    worst(curve, plane(), replay(curve, profile))
+
+
+def test_tangential_and_chord_limits_bind() -> None:
+    curve = load_curve("teardrop")
+    tangential = plane(tangential_acceleration=300.0, tangential_jerk=3000.0)
+    profile = plan_feedrate(curve, tangential)
+    assert {"tangential acceleration", "tangential jerk"} <= set(profile.shares())
+    worst(curve, tangential, profile)
+    chord = plane(300.0, chord_error=1e-4)
+    profile = plan_feedrate(curve, chord)
+    assert profile.shares()["chord error"] > 0.1
+    worst(curve, chord, profile)
+
+
+def test_without_a_jerk_limit_toppra_plans() -> None:
+    limits = plane(jerk=[np.inf] * 2)
+    profile = plan_feedrate(load_curve("teardrop"), limits)
+    assert profile.duration == pytest.approx(1.0903, rel=1e-3)
+    assert any("no jerk limit" in note for note in profile.stats["notes"])
+
+
+def test_a_budget_ends_early_with_a_feasible_plan() -> None:
+    curve = load_curve("butterfly", scale=10)
+    best = plan_feedrate(curve, plane())
+    early = plan_feedrate(curve, plane(), budget=1e-4)
+    assert best.duration * (1.0 - 1e-6) <= early.duration <= 1.5 * best.duration
+    worst(curve, plane(), early)
+
+
+def test_multipliers_predict_what_another_limit_saves() -> None:
+    curve = load_curve("butterfly", scale=10)
+    base = plan_feedrate(curve, plane(300.0))
+    saved = base.stats["saved_by_one_percent"]
+    for name, changes in (
+        ("acceleration X", {"acceleration": [1050.0, 1000.0]}),
+        ("jerk Y", {"jerk": [20000.0, 21000.0]}),
+    ):
+        changed = plan_feedrate(curve, plane(300.0, **changes))
+        assert base.duration - changed.duration == pytest.approx(5.0 * saved[name], rel=0.15)
+
+
+def test_certified_bound_meets_the_plan() -> None:
+    curve, limits = load_curve("circle"), plane()
+    profile = plan_feedrate(curve, limits)
+    assert 0.998 * profile.duration <= certify(curve, limits, profile) <= profile.duration
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "words"),
+    [
+        ({"method": "fast"}, InputError, "method = 'fast' must be one of"),
+        ({"start_feed": -1.0}, InputError, "start_feed = -1.0 mm/s must be >= 0"),
+        ({"end_feed": np.nan}, InputError, "end_feed = nan mm/s must be >= 0"),
+        ({"intervals": 5}, InputError, "intervals = 5 must lie within"),
+        ({"budget": 0.0}, InputError, "budget = 0.0 s must be > 0"),
+        ({"start_feed": 101.0}, InfeasibleError, "above the feed limit there, 100 mm/s"),
+        ({"periodic": True}, InputError, "the ends of line are 1 apart"),
+    ],
+)
+def test_bad_arguments_are_named(changes: dict[str, object], error: type[Exception], words: str) -> None:
+    with pytest.raises(error, match=words):
+        plan_feedrate(line(1.0), plane(), **changes)  # type: ignore[arg-type]
+
+
+def test_an_entry_feed_that_cannot_be_braked_is_infeasible() -> None:
+    with pytest.raises(InfeasibleError, match="start_feed = 100 to end_feed = 0"):
+        plan_feedrate(line(1.0), plane(), start_feed=100.0)
+
+
+def test_limits_that_limit_nothing_are_refused() -> None:
+    with pytest.raises(InfeasibleError, match="nothing limits the feed"):
+        plan_feedrate(line(1.0), Limits(np.inf, [np.inf] * 2, [np.inf] * 2, [np.inf] * 2))
+
+
+def test_limits_of_another_number_of_axes_are_refused() -> None:
+    with pytest.raises(InputError, match="the limits have 2 axes"):
+        plan_feedrate(load_curve("flank"), plane())
+
+
+def test_a_kinked_seam_cannot_be_periodic() -> None:
+    with pytest.raises(InputError, match="smooth seam"):
+        plan_feedrate(load_curve("teardrop"), plane(), periodic=True)
