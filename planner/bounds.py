@@ -1,10 +1,8 @@
 """How far from optimal a plan can be: lower bounds on the time.
 
 The cheap bound, which every plan carries, is the optimum without a jerk limit: every plan under a jerk limit is one
-without.  The tight one (:func:`certify`) is the optimum of the convex relaxation in ``solvers/nlp.py``: the pace
-y = 1/sigma_dot gets a variable of its own with y >= x^(-1/2), and time and jerk rows are written in y.  The relaxed problem
-contains every plan and is convex, so its optimum, which is global, is a lower bound.  On most paths its optimum has
-y = x^(-1/2), and the bound meets the plan.
+without.  The tight one (:func:`certify`) is the optimum of the convex relaxation in ``solvers/relaxed.py``; on most paths
+it meets the plan, which is thereby proven to be the global optimum.
 
 Both hold for the problem collocated on a grid, whose optimum differs from the continuous one by about 1e-4 of the time
 at the default grid; a bound is therefore never reported above the duration of the plan at hand.
@@ -23,7 +21,7 @@ from planner.limits import Limits
 from planner.profile import FeedrateProfile
 from planner.sections import Section, cut
 
-_INTERVALS = 500
+_INTERVALS = 1000
 _MIN_INTERVALS = 40
 
 
@@ -101,11 +99,14 @@ def _fastest(rows: FloatArray, span: float, caps: FloatArray) -> float:
 
 
 def _certify_section(section: Section, limits: Limits, intervals: int, periodic: bool) -> float:
-    from planner.solvers import nlp, optimal
+    from planner.solvers import optimal
+    from planner.solvers.relaxed import relaxed_time
 
     guess = scan(section, limits, intervals)
     section = with_blends(section, guess)
     grid = place_knots(section, guess, intervals)
     problem, _ = build(section, limits, grid, guess, periodic=periodic)
     solution = optimal.solve(problem, optimal.start_from(problem, problem.guess))
-    return nlp.relaxed_time(replace(problem, guess=solution.x)) * problem.time_unit
+    if solution.iterate is None:
+        return -np.inf
+    return relaxed_time(problem, solution.iterate.z) * problem.time_unit

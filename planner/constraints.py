@@ -29,9 +29,9 @@ from planner.sections import Section, axis_weights, evaluate
 
 # Steps of the acceleration at curvature jumps make up to half of the samples' jerk (STEP_SHARE), and the plan's own jerk
 # near the break at most the other half, less what it may exceed between points.
-_HALF = 0.5
-_OTHER_HALF = 0.49
-_PERIODS_AROUND_STEP = 3.0
+JERK_BESIDE_STEP = 0.5
+_JERK_COLLOCATED = 0.49
+PERIODS_AROUND_STEP = 3.0
 # Phases, in periods, at which the steps of jumps close to one another are added up, and the search for the x they allow.
 _PHASES = np.linspace(-1.0, 1.0, 17)
 _LARGEST_SLOWING, _HALVINGS, _JUMPS_AT_ONCE = 14.0, 16, 10_000
@@ -215,13 +215,13 @@ def _soften_jumps(
     for k in (0, 1, 2):
         cap[2 * first + k] = np.minimum(cap[2 * first + k], passed)
     # Within three periods the plan cannot go further than at the break's feed plus three periods of acceleration.
-    window = _PERIODS_AROUND_STEP * limits.period
+    window = PERIODS_AROUND_STEP * limits.period
     reach = window * np.minimum(np.sqrt(passed) + gain * window, np.sqrt(cap.max()))
     # Whole intervals: within the one that the window ends in, the jerk climbs from one half to all of it.
     lo = np.maximum(np.searchsorted(grid.sigma, at - reach, side="right") - 1, 0)
     hi = np.minimum(np.searchsorted(grid.sigma, at + reach, side="left"), grid.sigma.size - 1)
     edges = np.bincount(2 * lo, minlength=cap.size + 1) - np.bincount(2 * hi + 1, minlength=cap.size + 1)
-    rows_j[:, :, np.cumsum(edges[:-1]) > 0] /= _OTHER_HALF
+    rows_j[:, :, np.cumsum(edges[:-1]) > 0] /= _JERK_COLLOCATED
 
 
 def _together(at: FloatArray, step: FloatArray, alone: FloatArray, limits: Limits) -> FloatArray:
@@ -232,7 +232,7 @@ def _together(at: FloatArray, step: FloatArray, alone: FloatArray, limits: Limit
     """
     found = alone.copy()
     gap = np.diff(at, prepend=-np.inf, append=np.inf)
-    reach = 2.0 * _PERIODS_AROUND_STEP * limits.period * np.sqrt(alone)
+    reach = 2.0 * PERIODS_AROUND_STEP * limits.period * np.sqrt(alone)
     close = np.flatnonzero((np.minimum(gap[1:], gap[:-1]) < reach) & np.isfinite(alone))
 
     def share(i: NDArray[np.intp], x: FloatArray) -> FloatArray:
@@ -249,11 +249,11 @@ def _together(at: FloatArray, step: FloatArray, alone: FloatArray, limits: Limit
         return np.asarray((np.abs(total).max(axis=1) / limits.jerk).max(axis=1) * x / limits.period)
 
     for some in np.array_split(close, max(1, close.size // _JUMPS_AT_ONCE)):
-        meets = some[share(some, found[some]) > _HALF] if some.size else some
+        meets = some[share(some, found[some]) > JERK_BESIDE_STEP] if some.size else some
         lo, hi = np.full(meets.size, -_LARGEST_SLOWING), np.zeros(meets.size)
         for _ in range(_HALVINGS if meets.size else 0):
             mid = 0.5 * (lo + hi)
-            holds = share(meets, alone[meets] * np.exp(mid)) <= _HALF
+            holds = share(meets, alone[meets] * np.exp(mid)) <= JERK_BESIDE_STEP
             lo, hi = np.where(holds, mid, lo), np.where(holds, hi, mid)
         found[meets] = alone[meets] * np.exp(lo)
     return found

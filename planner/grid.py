@@ -101,7 +101,6 @@ def scan(section: Section, limits: Limits, intervals: int) -> Scan:
     """Sample a section and guess its feed."""
     curve = section.curve
     weights = axis_weights(limits)
-    breaks = np.array([b.u for b in curve.breaks if section.u_start < b.u < section.u_end])
     count = max(_MIN_SCAN, _SCAN_PER_INTERVAL * intervals)
     y = np.linspace(section.y_start, section.y_end, count + 1)
     # The ends need closer samples, or a start that is short against the path is stepped over.
@@ -109,7 +108,9 @@ def scan(section: Section, limits: Limits, intervals: int) -> Scan:
     dips = _dips(section, limits, weights)
     close = _close_to(dips, (section.y_end - section.y_start) / count)
     close = close[(close > section.y_start) & (close < section.y_end)]
-    y = np.unique(np.concatenate([y, section.y_start + near, section.y_end - near, section.coordinate(breaks), close]))
+    y = np.unique(
+        np.concatenate([y, section.y_start + near, section.y_end - near, section.coordinate(_breaks(section)), close])
+    )
     u = section.parameter(y)
     q = evaluate(curve, u, u >= section.u_end)
     scaled = q.copy()
@@ -280,10 +281,15 @@ def place_knots(section: Section, guess: Scan, intervals: int) -> Grid:
     return _knots(section, sigma, count)
 
 
+def _breaks(section: Section) -> FloatArray:
+    """Parameters at which the path is only piecewise smooth: also a fourth derivative that jumps puts a kink into the jerk."""
+    u = section.curve._candidate_breaks()
+    return u[(u > section.u_start) & (u < section.u_end)]
+
+
 def _knots(section: Section, sigma: FloatArray, count: FloatArray) -> Grid:
     """Knots at whole numbers of intervals between breaks, given the accumulated number of intervals over sigma."""
-    curve = section.curve
-    on = np.array([b.u for b in curve.breaks if section.u_start < b.u < section.u_end])
+    on = _breaks(section)
     corners = np.concatenate([[0.0], section.sigma(section.coordinate(on)), [section.span]])
     at = np.interp(corners, sigma, count)
     pieces = np.maximum(1, np.rint(np.diff(at))).astype(np.intp)

@@ -301,13 +301,11 @@ def _solve_and_refine(
         return best
     from planner.bounds import without_jerk
     from planner.sensitivity import saved_by_one_percent
-    from planner.solvers.optimal import lower_bound
 
-    bound, is_global = lower_bound(iterate)
-    bound = min(max(bound * unit, without_jerk(section, limits, grid)[1]), float(best.nodes.t[-1]))
+    bound = min(without_jerk(section, limits, grid)[1], float(best.nodes.t[-1]))
     saved = saved_by_one_percent(iterate, at_points, limits, section.curve.axes)
     saved = {name: value * unit for name, value in saved.items()}
-    return replace(best, lower_bound=bound, stats=best.stats | {"global": is_global, "saved_by_one_percent": saved})
+    return replace(best, lower_bound=bound, stats=best.stats | {"saved_by_one_percent": saved})
 
 
 def _by_interval(values: FloatArray, grid: Grid) -> FloatArray:
@@ -419,5 +417,4 @@ def _collect(sections: list[Section], plans: list[SectionPlan], limits: Limits, 
             saved[name] = saved.get(name, 0.0) + value
     if saved:
         stats["saved_by_one_percent"] = dict(sorted(saved.items(), key=lambda item: -item[1]))
-    stats["global"] = all(s.get("global", False) for s in every)
     return stats

@@ -53,7 +53,10 @@ def saved_by_one_percent(iterate: Iterate, path: Path, limits: Limits, axes: tup
         ("acceleration", limits.acceleration, limits.tangential_acceleration),
         ("jerk", limits.jerk, limits.tangential_jerk),
     ):
-        for name, value in [*((f"{kind} {axis}", values[j]) for j, axis in enumerate(axes)), (f"tangential {kind}", along)]:
+        for name, value in [
+            *((f"{kind} {axis}", values[j]) for j, axis in enumerate(axes)),
+            (f"tangential {kind}", along),
+        ]:
             if np.isfinite(value):
                 saved[name] = float(worth[row])
                 row += 1

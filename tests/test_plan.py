@@ -333,3 +333,11 @@ def test_limits_of_another_number_of_axes_are_refused() -> None:
 def test_a_kinked_seam_cannot_be_periodic() -> None:
     with pytest.raises(InputError, match="smooth seam"):
         plan_feedrate(load_curve("teardrop"), plane(), periodic=True)
+
+
+@pytest.mark.parametrize(("name", "scale"), list(OPTIMA))
+def test_plans_are_proven_global_optima(name: str, scale: float) -> None:
+    for feed in (100.0, 300.0):
+        curve, limits = load_curve(name, scale=scale), plane(feed)
+        profile = plan_feedrate(curve, limits)
+        assert 0.0 <= 1.0 - certify(curve, limits, profile) / profile.duration <= 5e-4

@@ -144,6 +144,7 @@ def describe(curve: Curve, limits: Limits, u_start: float, u_end: float, fastest
     panels = edges[:-1, None] + np.diff(edges)[:, None] * np.linspace(0.0, 1.0, _PANEL_POINTS, endpoint=False)
     even = np.linspace(u_start, u_end, _EVEN_POINTS + 1)
     u = np.concatenate([even, panels.reshape(-1), [b.u for b in inside], length.u(at_s)])
+    arc_derivatives_of_axes(curve, np.clip(u, u_start, u_end), "right")  # before points of equal s, where it rests, go
     for _ in range(_PASSES):
         u = np.unique(np.clip(u, u_start, u_end))
         u = u[np.append(True, np.diff(length.s(u)) > 1e-15 * s1)]
@@ -270,7 +271,9 @@ def tabulate(
         law, per_jerk, per_feed = _rates_of_u(curve, limits, u[:-1], state[:, :-1], jerk[of], "right")
         end_law = np.append(law[:, 1:], np.zeros((3, 1)), axis=1)
         broken = np.flatnonzero(np.append(~np.isnan(known[1:]), True))
-        end_law[:, broken] = _rates_of_u(curve, limits, u[broken + 1], state[:, broken + 1], jerk[of[broken]], "left")[0]
+        end_law[:, broken] = _rates_of_u(curve, limits, u[broken + 1], state[:, broken + 1], jerk[of[broken]], "left")[
+            0
+        ]
         c3 = quintic_coefficients(gap, (u[:-1], law[0], law[1]), (u[1:], end_law[0], end_law[1]))[3]
         off = np.abs(6.0 * c3 - law[2]) - _rounding(t[1:], u, law[0], gap)[2]
         coarse = (off * per_jerk > _JERK_ERROR) | (0.009 * off * gap**2 * per_feed > _FEED_ERROR * states[1].max())

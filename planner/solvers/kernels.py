@@ -3,9 +3,10 @@
 Layout: points run along the last axis of every array, so the loops over points are vectorised by the compiler.
 
     rows   (m, 3, p)   r of each two-sided row |r . (x, a, c)| <= b
-    jerk   (m,)        True where b = x^(-1/2), False where b = 1
+    jerk   (m,)        True where b is the pace y, False where b = 1
     slack, dual, product (m, 2, p)   of the upper and the lower side
     z, step (3, p)     x, a, c at every point
+    pace, pace_step (p,)   y: x^(-1/2), or a variable of its own in the convex relaxation
     hessian (6, p)     xx, xa, xc, aa, ac, cc
     gradient (3, p)
 """
@@ -29,36 +30,35 @@ _BLOCK = 512  # points a block: its scratch stays in the first-level cache
 
 
 @njit(
-    NOTHING(READ3, FLAGS, READ2, READ3, READ3, READ3, READ1, F64, F64, FLAG, FLAG, WRITE2, WRITE2),
+    NOTHING(READ3, FLAGS, READ2, READ1, READ3, READ3, READ3, F64, F64, FLAG, WRITE2, WRITE2, WRITE2),
     cache=True,
     fastmath=_FAST,
     error_model="numpy",
 )
-def condense(rows, jerk, z, slack, dual, product, weight, target, corrector, clip, factorise, hessian, gradient):  # noqa: PLR0912
-    """Eliminate slacks and multipliers: gradient (and Hessian, with ``factorise``) of the barrier problem.
+def condense(rows, jerk, z, pace, slack, dual, product, target, corrector, factorise, hessian, gradient, pace_sums):
+    """Eliminate slacks and multipliers of the rows: sums at every point, as if z and the pace were independent.
 
-    ``target`` is the complementarity aimed at, less ``corrector`` times the ``product`` of the affine steps; ``clip``
-    drops negative curvature of the objective.
+    With e = (target - corrector product + l (s + residual)) / s for each side and its stiffness l / s,
+
+        gradient    sum (e_up - e_down) r                 hessian (with ``factorise``)   sum (both stiffnesses) r r^T
+        pace_sums   0: sum (e_up + e_down), 1: sum of stiffnesses, 2..4: sum (difference of stiffnesses) r,
+                    5: sum of multipliers; over the jerk rows
     """
     points = z.shape[1]
-    root, slope, curvature = np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK)
     pull, push, stiff, twist = np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK)
     for lo in range(0, points, _BLOCK):
         n = min(_BLOCK, points - lo)
-        x, a, c, w = z[0, lo : lo + n], z[1, lo : lo + n], z[2, lo : lo + n], weight[lo : lo + n]
+        x, a, c, y = z[0, lo : lo + n], z[1, lo : lo + n], z[2, lo : lo + n], pace[lo : lo + n]
         gx, ga, gc = gradient[0, lo : lo + n], gradient[1, lo : lo + n], gradient[2, lo : lo + n]
         hxx, hxa, hxc = hessian[0, lo : lo + n], hessian[1, lo : lo + n], hessian[2, lo : lo + n]
         haa, hac, hcc = hessian[3, lo : lo + n], hessian[4, lo : lo + n], hessian[5, lo : lo + n]
-        for i in range(n):
-            root[i] = 1.0 / np.sqrt(x[i])
-            slope[i] = -0.5 * root[i] / x[i]
-            curvature[i] = w[i]
-        for i in range(n):
-            gx[i] = w[i] * slope[i]
-        ga[:] = 0.0
-        gc[:] = 0.0
+        pushed, stiffness, load = pace_sums[0, lo : lo + n], pace_sums[1, lo : lo + n], pace_sums[5, lo : lo + n]
+        cx, ca, cc = pace_sums[2, lo : lo + n], pace_sums[3, lo : lo + n], pace_sums[4, lo : lo + n]
+        gradient[:, lo : lo + n] = 0.0
+        pushed[:] = 0.0
         if factorise:
             hessian[:, lo : lo + n] = 0.0
+            pace_sums[:, lo : lo + n] = 0.0
         for r in range(rows.shape[0]):
             is_jerk = 1.0 if jerk[r] else 0.0
             rx, ra, rc = rows[r, 0, lo : lo + n], rows[r, 1, lo : lo + n], rows[r, 2, lo : lo + n]
@@ -66,44 +66,62 @@ def condense(rows, jerk, z, slack, dual, product, weight, target, corrector, cli
             dual_up, dual_down = dual[r, 0, lo : lo + n], dual[r, 1, lo : lo + n]
             both_up, both_down = product[r, 0, lo : lo + n], product[r, 1, lo : lo + n]
             for i in range(n):
-                bound = is_jerk * root[i] + (1.0 - is_jerk)
-                y = rx[i] * x[i] + ra[i] * a[i] + rc[i] * c[i]
+                bound = is_jerk * y[i] + (1.0 - is_jerk)
+                value = rx[i] * x[i] + ra[i] * a[i] + rc[i] * c[i]
                 v1, v2 = 1.0 / up[i], 1.0 / down[i]
                 w1, w2 = dual_up[i] * v1, dual_down[i] * v2
-                e1 = (target - corrector * both_up[i]) * v1 + w1 * (up[i] + y - bound)
-                e2 = (target - corrector * both_down[i]) * v2 + w2 * (down[i] - y - bound)
-                pull[i] = e1 - e2
-                push[i] = is_jerk * (e1 + e2) * slope[i]
-                stiff[i] = w1 + w2
-                twist[i] = is_jerk * (w1 - w2) * slope[i]
+                e1 = (target - corrector * both_up[i]) * v1 + w1 * (up[i] + value - bound)
+                e2 = (target - corrector * both_down[i]) * v2 + w2 * (down[i] - value - bound)
+                pull[i], push[i] = e1 - e2, is_jerk * (e1 + e2)
+                stiff[i], twist[i] = w1 + w2, is_jerk * (w1 - w2)
             for i in range(n):
-                gx[i] += pull[i] * rx[i] - push[i]
+                gx[i] += pull[i] * rx[i]
                 ga[i] += pull[i] * ra[i]
                 gc[i] += pull[i] * rc[i]
+                pushed[i] += push[i]
             if factorise:
                 for i in range(n):
-                    curvature[i] -= is_jerk * (dual_up[i] + dual_down[i])
-                for i in range(n):
-                    hxx[i] += stiff[i] * (rx[i] * rx[i] + is_jerk * slope[i] * slope[i]) - 2.0 * twist[i] * rx[i]
-                    hxa[i] += stiff[i] * rx[i] * ra[i] - twist[i] * ra[i]
-                    hxc[i] += stiff[i] * rx[i] * rc[i] - twist[i] * rc[i]
+                    hxx[i] += stiff[i] * rx[i] * rx[i]
+                    hxa[i] += stiff[i] * rx[i] * ra[i]
+                    hxc[i] += stiff[i] * rx[i] * rc[i]
                 for i in range(n):
                     haa[i] += stiff[i] * ra[i] * ra[i]
                     hac[i] += stiff[i] * ra[i] * rc[i]
                     hcc[i] += stiff[i] * rc[i] * rc[i]
+                for i in range(n):
+                    cx[i] += twist[i] * rx[i]
+                    ca[i] += twist[i] * ra[i]
+                    cc[i] += twist[i] * rc[i]
+                for i in range(n):
+                    stiffness[i] += is_jerk * stiff[i]
+                    load[i] += is_jerk * (dual_up[i] + dual_down[i])
+
+
+@njit(NOTHING(READ2, READ1, READ2, FLAG, FLAG, WRITE2, WRITE2), cache=True, fastmath=_FAST, error_model="numpy")
+def tie_pace(z, weight, pace_sums, clip, factorise, hessian, gradient):
+    """Insert the pace x^(-1/2) into the sums of :func:`condense`, and add the objective sum(weight * pace).
+
+    ``clip`` drops negative curvature.
+    """
+    for p in range(z.shape[1]):
+        x = z[0, p]
+        slope = -0.5 / (x * np.sqrt(x))
+        gradient[0, p] += (weight[p] - pace_sums[0, p]) * slope
         if factorise:
-            for i in range(n):
-                kept = max(curvature[i], 0.0) if clip else curvature[i]
-                hxx[i] += kept * 0.75 * root[i] / (x[i] * x[i])
+            curvature = weight[p] - pace_sums[5, p]
+            kept = max(curvature, 0.0) if clip else curvature
+            hessian[0, p] += slope * (pace_sums[1, p] * slope - 2.0 * pace_sums[2, p]) - 1.5 * kept * slope / x
+            hessian[1, p] -= slope * pace_sums[3, p]
+            hessian[2, p] -= slope * pace_sums[4, p]
 
 
 @njit(
-    NOTHING(READ3, FLAGS, READ2, READ3, READ3, WRITE3, READ2, F64, F64, FLAG, WRITE1),
+    NOTHING(READ3, FLAGS, READ2, READ1, READ3, READ3, WRITE3, READ2, READ1, F64, F64, FLAG, WRITE1),
     cache=True,
     fastmath=_FAST,
     error_model="numpy",
 )
-def measure(rows, jerk, z, slack, dual, product, step, target, corrector, keep, out):
+def measure(rows, jerk, z, pace, slack, dual, product, step, pace_step, target, corrector, keep, out):
     """Write what a step needs to know of itself into ``out``; with ``keep`` also the products ds * dl.
 
     0, 1: largest relative decrease of a slack and of a multiplier; 2..4: sums of ds*l, s*dl and ds*dl; 5: largest
@@ -112,16 +130,14 @@ def measure(rows, jerk, z, slack, dual, product, step, target, corrector, keep, 
     points = z.shape[1]
     down_s = down_l = down_x = 0.0
     sum_dsl = sum_sdl = sum_dsdl = 0.0
-    root, slope, loss = np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK)
+    loss = np.empty(_BLOCK)
     worst_s, worst_l = np.empty(_BLOCK), np.empty(_BLOCK)
     prod_up, prod_down = np.empty(_BLOCK), np.empty(_BLOCK)
     for lo in range(0, points, _BLOCK):
         n = min(_BLOCK, points - lo)
-        x, a, c = z[0, lo : lo + n], z[1, lo : lo + n], z[2, lo : lo + n]
-        dx, da, dc = step[0, lo : lo + n], step[1, lo : lo + n], step[2, lo : lo + n]
+        x, a, c, y = z[0, lo : lo + n], z[1, lo : lo + n], z[2, lo : lo + n], pace[lo : lo + n]
+        dx, da, dc, dy = step[0, lo : lo + n], step[1, lo : lo + n], step[2, lo : lo + n], pace_step[lo : lo + n]
         for i in range(n):
-            root[i] = 1.0 / np.sqrt(x[i])
-            slope[i] = -0.5 * root[i] / x[i]
             loss[i] = -dx[i] / x[i]
         worst_s[:] = 0.0
         worst_l[:] = 0.0
@@ -132,11 +148,9 @@ def measure(rows, jerk, z, slack, dual, product, step, target, corrector, keep, 
             dual_up, dual_down = dual[r, 0, lo : lo + n], dual[r, 1, lo : lo + n]
             both_up, both_down = product[r, 0, lo : lo + n], product[r, 1, lo : lo + n]
             for i in range(n):
-                gap = is_jerk * root[i] + (1.0 - is_jerk)
-                y = rx[i] * x[i] + ra[i] * a[i] + rc[i] * c[i]
-                dy = rx[i] * dx[i] + ra[i] * da[i] + rc[i] * dc[i]
-                db = is_jerk * slope[i] * dx[i]
-                ds1, ds2 = gap - up[i] - y - dy + db, gap - down[i] + y + dy + db
+                bound = is_jerk * (y[i] + dy[i]) + (1.0 - is_jerk)
+                value = rx[i] * (x[i] + dx[i]) + ra[i] * (a[i] + da[i]) + rc[i] * (c[i] + dc[i])
+                ds1, ds2 = bound - value - up[i], bound + value - down[i]
                 v1, v2 = 1.0 / up[i], 1.0 / down[i]
                 dl1 = (target - corrector * both_up[i] - dual_up[i] * ds1) * v1 - dual_up[i]
                 dl2 = (target - corrector * both_down[i] - dual_down[i] * ds2) * v2 - dual_down[i]
@@ -157,29 +171,26 @@ def measure(rows, jerk, z, slack, dual, product, step, target, corrector, keep, 
 
 
 @njit(
-    NOTHING(READ3, FLAGS, WRITE2, WRITE3, WRITE3, READ3, READ1, READ2, F64, F64, F64, F64, WRITE1),
+    NOTHING(READ3, FLAGS, WRITE2, READ1, WRITE3, WRITE3, READ3, READ2, READ1, READ1, F64, F64, F64, F64, WRITE1),
     cache=True,
     fastmath=_FAST,
     error_model="numpy",
 )
-def advance(rows, jerk, z, slack, dual, product, weight, step, target, corrector, primal, dual_length, out):
-    """Take the step; write the time, the gap sum(s l) and the largest relative primal residual into ``out``.
+def advance(
+    rows, jerk, z, pace, slack, dual, product, step, pace_step, new_pace, target, corrector, primal, dual_length, out
+):
+    """Take the step; write the gap sum(s l) and the largest relative primal residual into ``out``.
 
-    A slack becomes the larger of its linear prediction and its true value: x^(-1/2) is convex, so at zero residual the
-    true one is never below the prediction.
+    A slack becomes the larger of its linear prediction and its true value at ``new_pace``.
     """
     points = z.shape[1]
-    time = gap = worst = 0.0
-    root, slope, new, residual = np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK)
+    gap = worst = 0.0
+    residual = np.empty(_BLOCK)
     for lo in range(0, points, _BLOCK):
         n = min(_BLOCK, points - lo)
-        x, a, c, w = z[0, lo : lo + n], z[1, lo : lo + n], z[2, lo : lo + n], weight[lo : lo + n]
-        dx, da, dc = step[0, lo : lo + n], step[1, lo : lo + n], step[2, lo : lo + n]
-        for i in range(n):
-            root[i] = 1.0 / np.sqrt(x[i])
-            slope[i] = -0.5 * root[i] / x[i]
-            new[i] = 1.0 / np.sqrt(x[i] + primal * dx[i])
-            time += w[i] * new[i]
+        x, a, c, y = z[0, lo : lo + n], z[1, lo : lo + n], z[2, lo : lo + n], pace[lo : lo + n]
+        dx, da, dc, dy = step[0, lo : lo + n], step[1, lo : lo + n], step[2, lo : lo + n], pace_step[lo : lo + n]
+        new = new_pace[lo : lo + n]
         residual[:] = 0.0
         for r in range(rows.shape[0]):
             is_jerk = 1.0 if jerk[r] else 0.0
@@ -188,29 +199,28 @@ def advance(rows, jerk, z, slack, dual, product, weight, step, target, corrector
             dual_up, dual_down = dual[r, 0, lo : lo + n], dual[r, 1, lo : lo + n]
             both_up, both_down = product[r, 0, lo : lo + n], product[r, 1, lo : lo + n]
             for i in range(n):
-                bound = is_jerk * root[i] + (1.0 - is_jerk)
-                y = rx[i] * x[i] + ra[i] * a[i] + rc[i] * c[i]
-                dy = rx[i] * dx[i] + ra[i] * da[i] + rc[i] * dc[i]
-                db = is_jerk * slope[i] * dx[i]
-                ds1, ds2 = bound - up[i] - y - dy + db, bound - down[i] + y + dy + db
+                bound = is_jerk * (y[i] + dy[i]) + (1.0 - is_jerk)
+                value = rx[i] * x[i] + ra[i] * a[i] + rc[i] * c[i]
+                change = rx[i] * dx[i] + ra[i] * da[i] + rc[i] * dc[i]
+                ds1, ds2 = bound - value - change - up[i], bound + value + change - down[i]
                 l1, l2 = dual_up[i], dual_down[i]
                 l1 += dual_length * ((target - corrector * both_up[i] - l1 * ds1) / up[i] - l1)
                 l2 += dual_length * ((target - corrector * both_down[i] - l2 * ds2) / down[i] - l2)
-                y += primal * dy
+                value += primal * change
                 bound = is_jerk * new[i] + (1.0 - is_jerk)
-                s1 = max(up[i] + primal * ds1, bound - y)
-                s2 = max(down[i] + primal * ds2, bound + y)
+                s1 = max(up[i] + primal * ds1, bound - value)
+                s2 = max(down[i] + primal * ds2, bound + value)
                 up[i], down[i] = s1, s2
                 dual_up[i], dual_down[i] = l1, l2
                 gap += s1 * l1 + s2 * l2
-                residual[i] = max(residual[i], max(s1 + y - bound, s2 - y - bound) / (1.0 + bound))
+                residual[i] = max(residual[i], max(s1 + value - bound, s2 - value - bound) / (1.0 + bound))
         for i in range(n):
             worst = max(worst, residual[i])
         for i in range(n):
             x[i] += primal * dx[i]
             a[i] += primal * da[i]
             c[i] += primal * dc[i]
-    out[0], out[1], out[2] = time, gap, worst
+    out[0], out[1] = gap, worst
 
 
 @njit(F64(READ1, READ2, WRITE2, WRITE1), cache=True)
@@ -316,34 +326,6 @@ def solve(h, gains, root, gradient, first, last, fixed_start, feed_forward, step
         step[2, m] = 0.5 * (c + v)
         x, a, c = x + 2.0 * d * a + d * d * (2.0 * c + v) / 3.0, a + 0.5 * d * (c + v), v
     step[0, end], step[1, end], step[2, end] = x, a, c
-
-
-@njit(NOTHING(READ3, FLAGS, READ2, READ3, READ1, WRITE2), cache=True, error_model="numpy")
-def lagrangian(rows, jerk, z, dual, weight, gradient):
-    """Gradient of the Lagrangian at every point."""
-    for p in range(z.shape[1]):
-        slope = -0.5 / (z[0, p] * np.sqrt(z[0, p]))
-        gx, ga, gc = weight[p] * slope, 0.0, 0.0
-        for r in range(rows.shape[0]):
-            pull = dual[r, 0, p] - dual[r, 1, p]
-            gx += pull * rows[r, 0, p]
-            ga += pull * rows[r, 1, p]
-            gc += pull * rows[r, 2, p]
-            if jerk[r]:
-                gx -= (dual[r, 0, p] + dual[r, 1, p]) * slope
-        gradient[0, p], gradient[1, p], gradient[2, p] = gx, ga, gc
-
-
-@njit(NOTHING(READ3, FLAGS, READ2, READ3, WRITE3, READ2), cache=True, error_model="numpy")
-def shift_duals(rows, jerk, z, slack, dual, step):
-    """Add to every multiplier l / s times the change of its constraint over the step."""
-    for p in range(z.shape[1]):
-        slope = -0.5 / (z[0, p] * np.sqrt(z[0, p])) * step[0, p]
-        for r in range(rows.shape[0]):
-            dy = rows[r, 0, p] * step[0, p] + rows[r, 1, p] * step[1, p] + rows[r, 2, p] * step[2, p]
-            db = slope if jerk[r] else 0.0
-            dual[r, 0, p] += dual[r, 0, p] / slack[r, 0, p] * (dy - db)
-            dual[r, 1, p] += dual[r, 1, p] / slack[r, 1, p] * (-dy - db)
 
 
 @njit(types.UniTuple(F64, 2)(READ3, I64, F64, F64, F64), cache=True, error_model="numpy")

@@ -35,15 +35,9 @@ End conditions.  A rest needs none (the rest map).  A prescribed feed fixes x at
 equates both states: the first is fixed in the root solve, the others are rows added by the Schur complement of a few
 extra sweeps.
 
-The bound
----------
-For any l >= 0 the minimum of the Lagrangian is a lower bound of the time.  It is separable in x up to a linear part,
-
-    L = sum_p (w_p - Lam_p) x_p^(-1/2) + linear.
-
-Newton steps on the multipliers alone first make its gradient vanish exactly.  If then Lam_p <= w_p everywhere, L is
-convex, the iterate is its minimum, T - sum(s l) is a lower bound and the iterate THE global optimum of the discretised
-problem up to that gap.  Elsewhere this says nothing, and ``bounds.py`` has the convex relaxation, which always does.
+Whether the KKT point found is the global optimum is answered by the convex relaxation in ``relaxed.py``.  ``Lam <= w`` at
+every point would be another proof, but the multipliers of neighbouring points share their load unevenly, so that it fails
+at single points next to stops although the optimum is global.
 """
 
 from __future__ import annotations
@@ -53,7 +47,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from planner.constraints import Constraints
 from planner.errors import SolverError
@@ -65,7 +58,6 @@ _MAX_ITERATIONS = 150
 _FEASIBLE = 1e-9
 _HOPE = 2.0  # weight of the hoped-for gain in the centring
 _LARGEST_FALL = 0.9
-_POLISHES = 2  # Newton steps on the multipliers alone; the second removes the rounding of the first
 _NO_CAP = 1e300
 
 
@@ -87,7 +79,7 @@ class Solution:
     cpu_s : float
         Computing time, CPU seconds.
     iterate : Iterate or None
-        The interior point itself, from which :func:`lower_bound` is computed.
+        The interior point itself, from which sensitivities and bounds follow.
     """
 
     x: FloatArray
@@ -126,6 +118,7 @@ class Iterate:
         self.residual = float(((self.slack[:, 0] + y - bound) / (1.0 + bound)).max())
         self.residual = max(self.residual, float(((self.slack[:, 1] - y - bound) / (1.0 + bound)).max()))
         self.product = np.zeros_like(self.slack)
+        self.pace_sums = np.empty((6, points))
         self.hessian, self.gradient = np.empty((6, points)), np.empty((3, points))
         self.affine, self.step = np.zeros((3, points)), np.zeros((3, points))
         self.gains, self.root = np.empty((4, self.h.size)), np.empty(6)
@@ -224,32 +217,46 @@ def _iterate(it: Iterate) -> str:
     """One predictor-corrector step; returns why it cannot go on, or ""."""
     from planner.solvers import kernels
 
-    state = (it.rows, it.jerk, it.z, it.slack, it.dual, it.product)
-    system = (it.hessian, it.gradient)
-    kernels.condense(*state, it.weight, 0.0, 0.0, False, True, *system)
-    if kernels.factor(it.h, it.hessian, it.gains, it.root) <= 0.0:
-        kernels.condense(*state, it.weight, 0.0, 0.0, True, True, *system)
-        if kernels.factor(it.h, it.hessian, it.gains, it.root) <= 0.0:
-            return "stalled: the Newton system is singular"
+    pace = it.z[0] ** -0.5
+    state = (it.rows, it.jerk, it.z, pace, it.slack, it.dual, it.product)
+    if not _factor(it, pace):
+        return "stalled: the Newton system is singular"
     _prepare_ends(it)
     _newton(it, it.affine)
-    kernels.measure(*state, it.affine, 0.0, 0.0, True, it.out)
+    pace_step = -0.5 * pace / it.z[0] * it.affine[0]
+    kernels.measure(*state, it.affine, pace_step, 0.0, 0.0, True, it.out)
     primal, dual = _length(it.out[0], 1.0), _length(it.out[1], 1.0)
     affine_gap = it.gap + primal * it.out[2] + dual * it.out[3] + primal * dual * it.out[4]
-    hope = 0.5 * float(np.sum(it.weight * it.z[0] ** -1.5 * it.affine[0]))
+    hope = -float(it.weight @ pace_step)
     centring = min(max((affine_gap / it.gap) ** 3, _HOPE * hope / it.gap, 1e-4), 1.0)
     target, corrector = centring * it.gap / it.slack.size, primal * dual
-    kernels.condense(*state, it.weight, target, corrector, False, False, *system)
+    kernels.condense(*state, target, corrector, False, it.hessian, it.gradient, it.pace_sums)
+    kernels.tie_pace(it.z, it.weight, it.pace_sums, False, False, it.hessian, it.gradient)
     _newton(it, it.step)
-    kernels.measure(*state, it.step, target, corrector, False, it.out)
+    pace_step = -0.5 * pace / it.z[0] * it.step[0]
+    kernels.measure(*state, it.step, pace_step, target, corrector, False, it.out)
     fraction = min(max(1.0 - it.gap / it.time, 0.9), 0.995)
     primal = min(_length(it.out[0], fraction), _length(it.out[5], _LARGEST_FALL))
     dual = _length(it.out[1], fraction)
     if not (np.isfinite(it.out).all() and primal > 1e-10):
         return "stalled: the step length vanished"
-    kernels.advance(*state, it.weight, it.step, target, corrector, primal, dual, it.out)
-    it.time, it.gap, it.residual = (float(value) for value in it.out[:3])
+    new_pace = (it.z[0] + primal * it.step[0]) ** -0.5
+    kernels.advance(*state, it.step, pace_step, new_pace, target, corrector, primal, dual, it.out)
+    it.time, it.gap, it.residual = float(it.weight @ new_pace), float(it.out[0]), float(it.out[1])
     return ""
+
+
+def _factor(it: Iterate, pace: FloatArray) -> bool:
+    """Assemble and factor the Newton system; without negative curvature where it is not positive definite."""
+    from planner.solvers import kernels
+
+    state = (it.rows, it.jerk, it.z, pace, it.slack, it.dual, it.product)
+    for clip in (False, True):
+        kernels.condense(*state, 0.0, 0.0, True, it.hessian, it.gradient, it.pace_sums)
+        kernels.tie_pace(it.z, it.weight, it.pace_sums, clip, True, it.hessian, it.gradient)
+        if kernels.factor(it.h, it.hessian, it.gains, it.root) > 0.0:
+            return True
+    return False
 
 
 def _length(decrease: float, fraction: float) -> float:
@@ -291,47 +298,6 @@ def _newton(it: Iterate, step: FloatArray) -> None:
     price = np.linalg.solve(system, -broken(step))
     for (response, _), p in zip(it.ends, price, strict=True):
         step += p * response
-
-
-def lower_bound(it: Iterate) -> tuple[float, bool]:
-    """Bound the time from below by the multipliers (see the module's text).
-
-    Returns
-    -------
-    bound : float
-        No plan that keeps the constraints at the collocation points is faster, in the unit of the problem; -inf where
-        the Lagrangian is not convex.
-    is_global : bool
-        The Lagrangian is convex, so that the iterate is the global optimum up to the gap.
-    """
-    from planner.solvers import kernels
-
-    dual = it.dual.copy()
-    none = np.zeros_like(it.weight)
-    state = (it.rows, it.jerk, it.z)
-    kernels.condense(*state, it.slack, dual, it.product, none, 0.0, 0.0, True, True, it.hessian, it.gradient)
-    if kernels.factor(it.h, it.hessian, it.gains, it.root) <= 0.0:
-        return -np.inf, False
-    _prepare_ends(it)
-    for _ in range(_POLISHES):
-        kernels.lagrangian(*state, dual, it.weight, it.gradient)
-        _newton(it, it.step)
-        kernels.shift_duals(*state, it.slack, dual, it.step)
-    if (concave_at(it, dual)).any():
-        return -np.inf, False
-    # T >= L for multipliers >= 0 only; one that came out below costs at most twice its bound.
-    bound, _ = it.bound_and_value()
-    negative = np.maximum(-dual, 0.0).sum(axis=1)
-    return it.time - float(np.sum(dual * it.slack)) - float(np.sum(2.0 * negative * bound)), True
-
-
-def concave_at(it: Iterate, dual: FloatArray) -> NDArray[np.bool_]:
-    """Points at which the Lagrangian is not convex: Lam > w, coincident points taken together."""
-    merged = it.weight - dual[it.jerk].sum(axis=(0, 1))
-    first = 2 * np.flatnonzero(it.h == 0.0)
-    merged[first] += merged[first + 1] + merged[first + 2]
-    merged[first + 1] = merged[first + 2] = merged[first]
-    return np.asarray(merged < 0.0)
 
 
 def start_from(problem: Constraints, x: FloatArray) -> FloatArray:

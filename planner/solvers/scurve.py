@@ -41,18 +41,18 @@ from planner.solvers.arcpath import NOISE, ArcPath, IntArray, Nodes, advance, de
 
 _MERGE = 0.05  # minima of the limit curve are merged unless the feed rises by this fraction between them
 _FIRST_SHARE = 0.9  # of the limit curve
-_LADDER, _SLIGHTLY = 0.9 ** np.arange(56), np.array([1.0, 0.9995, 0.999, 0.998, 0.995, 0.99, 0.98, 0.96, 0.93])
+_LADDER: FloatArray = 0.9 ** np.arange(56.0)
+_SLIGHTLY: FloatArray = np.array([1.0, 0.9995, 0.999, 0.998, 0.995, 0.99, 0.98, 0.96, 0.93])
 _LOWER, _LOWER_LITTLE, _LOWEST = 0.85, 0.98, 1e-6
 _MARGIN = 1e-3  # kept from every limit where the path is curved, for what lies between grid points
-_ROUND_OFF, _TOLERANCE = 1e-12, 1e-9
-_POINTS, _APART, _NEWTON_STEPS = 4, 4, 4  # a phase is tried at so many points evenly, and at one in so many of the grid
+_ROUND_OFF, _TOLERANCE, _TINY = 1e-12, 1e-9, 1e-300
+_POINTS, _APART, _NEWTON_STEPS = 5, 4, 4  # a phase is tried at so many points evenly, and at one in so many of the grid
 _CHUNK = 20_000  # blocks traced at once; bounds the memory
 # Directions of the search.  Of a block: the logarithms of its top feed, accelerations up and down, and jerk.  Of a node:
 # the logarithm of its feed, its place, and the pace of the ramps on both sides of it.
-_BLOCK_MOVES = np.array(
-    [(1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1), (0, 1, 1, 1)]
-    + [(1, 0, 0, -0.7), (1, -1, -1, -1), (0, -0.7, 0, 1), (0, 0, -0.7, 1), (-0.7, 1, 0, 0), (-0.7, 0, 1, 0)]
-)
+_UPWARDS = [(1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1), (0, 1, 1, 1)]
+_EXCHANGES = [(1, 0, 0, -0.7), (1, -1, -1, -1), (0, -0.7, 0, 1), (0, 0, -0.7, 1), (-0.7, 1, 0, 0), (-0.7, 0, 1, 0)]
+_BLOCK_MOVES = np.array([*_UPWARDS, *_EXCHANGES], dtype=np.float64)
 _NODE_MOVES = np.array([move for move in product((0.0, 1.0), (-1.0, 0.0, 1.0), (-1.0, 0.0, 1.0)) if any(move)])
 _FIRST_STEP, _SMALLEST_STEP, _RESUMED_STEP = 0.4, 4e-3, 0.1
 _LARGER, _SMALLER = 1.5, 0.45
@@ -113,7 +113,9 @@ def plan_section(
     limits.require_matches(curve)
     corners = [b.u for b in curve.breaks if b.geometric == 0 and u_start < b.u < u_end]
     if corners:
-        raise InputError(f"{curve.name}: the corner at u = {corners[0]:.9g} must be an exact stop, the end of a section")
+        raise InputError(
+            f"{curve.name}: the corner at u = {corners[0]:.9g} must be an exact stop, the end of a section"
+        )
     base, solver = describe(curve, limits, u_start, u_end, max(start_feed, end_feed)), _Ruckig()
     margin = np.full(base.cap.size, _MARGIN)
     path = base.with_margin(margin, _APART)
@@ -161,7 +163,9 @@ class _Ruckig:
         self._problem.current_position = self._problem.current_acceleration = self._problem.target_acceleration = [0.0]
         self._problem.target_position = [1.0]
 
-    def solve(self, v0: float, v1: float, v: float, up: float, down: float, jerk: float) -> tuple[list[float], ...] | None:
+    def solve(
+        self, v0: float, v1: float, v: float, up: float, down: float, jerk: float
+    ) -> tuple[list[float], ...] | None:
         """Durations and jerks of the seven phases, positions and feeds at their ends; None if ruckig finds none."""
         problem = self._problem
         problem.current_velocity, problem.target_velocity = [v0], [v1]
@@ -199,7 +203,9 @@ def _trace(
     some = some[np.array([found is not None for found in solved], dtype=bool)]
     phases, time, states = np.zeros((2, v.size, 7)), np.full(v.size, np.inf), np.zeros((3, v.size, 8))
     if some.size:
-        h, j, p, feeds = (np.array(part) for part in zip(*(found for found in solved if found is not None), strict=True))
+        h, j, p, feeds = (
+            np.array(part) for part in zip(*(found for found in solved if found is not None), strict=True)
+        )
         good = (feeds.min(axis=1) >= -_ROUND_OFF) & (np.abs(p[:, 7] - 1.0) <= _TOLERANCE)
         some, h, j, feeds = some[good], h[good], j[good], feeds[good]
         for first in (0, 4):  # a ramp between feeds that differ by rounding only is none
@@ -227,35 +233,39 @@ def _durations(
     active = phases[0] > 0.0
     slow = states[1, :, 3] > path.lowest_cruise(states[0, :, 3], states[0, :, 4]) * (1.0 + _ROUND_OFF)
     time[(active[:, 3] & slow) | (active & (phases[0] < path.shortest)).any(axis=1)] = np.inf
-    block, phase = np.nonzero(np.isfinite(time)[:, None] & active & (np.arange(7) != 3))
-    h, jerk, begin = *phases[:, block, phase], states[:, block, phase]
-    each, since = _trial_times(path, h, jerk, begin, states[:2, block, phase + 1])
-    used = path.used(*advance(begin[:, each], jerk[each], since), jerk[each])
-    time[block[each[used > 1.0 + _ROUND_OFF]]] = np.inf
+    ramps = active & (np.arange(7) != 3)
+    for pick in (_spread, _at_trial_places):  # the few points of the first refute most blocks
+        block, phase = np.nonzero(np.isfinite(time)[:, None] & ramps)
+        h, jerk, begin = *phases[:, block, phase], states[:, block, phase]
+        each, since = pick(path, h, jerk, begin, states[:2, block, phase + 1])
+        s, v, a = advance(begin[:, each], jerk[each], since)
+        used = path.used(s, v, a, jerk[each])
+        time[block[each[used > 1.0 + _ROUND_OFF]]] = np.inf
     return time
 
 
-def _trial_times(
+def _spread(
     path: ArcPath, h: FloatArray, jerk: FloatArray, begin: FloatArray, end: FloatArray
 ) -> tuple[IntArray, FloatArray]:
-    """Times since the beginning of phases (m,) at which to try them, and the phase each belongs to.
+    """Times since the beginning of phases (m,), spread evenly, and the phase each belongs to."""
+    return np.repeat(np.arange(h.size), _POINTS), (h[:, None] * np.linspace(0.0, 1.0, _POINTS)).reshape(-1)
 
-    Some are spread evenly; between them, those at the places the path asks for (Newton from the time that constant
-    acceleration would take).
-    """
+
+def _at_trial_places(
+    path: ArcPath, h: FloatArray, jerk: FloatArray, begin: FloatArray, end: FloatArray
+) -> tuple[IntArray, FloatArray]:
+    """The same for the places at which the path asks for a trial: Newton from the time constant acceleration takes."""
     first, last = (np.searchsorted(path.trials, s) for s in (begin[0], end[0]))
     count = last - first
     each = np.repeat(np.arange(h.size), count)
     s = path.trials[np.arange(each.size) + np.repeat(first - np.cumsum(count) + count, count)]
-    state, target = begin[:, each], end[:, each]
-    share = np.clip((s - state[0]) / np.maximum(target[0] - state[0], 1e-300), 0.0, 1.0)
-    mean = state[1] + np.sqrt(state[1] ** 2 + (target[1] ** 2 - state[1] ** 2) * share)
-    since = np.minimum(2.0 * (s - state[0]) / np.maximum(mean, 1e-300), h[each])
+    (s0, v0, _), (s1, v1), jerk = begin[:, each], end[:, each], jerk[each]
+    mean = v0 + np.sqrt(np.maximum(v0**2 + (v1**2 - v0**2) * (s - s0) / np.maximum(s1 - s0, _TINY), 0.0))
+    since = np.minimum(2.0 * (s - s0) / np.maximum(mean, _TINY), h[each])
     for _ in range(_NEWTON_STEPS):
-        at = advance(state, jerk[each], since)
-        since = np.clip(since - (at[0] - s) / np.maximum(at[1], 1e-300), 0.0, h[each])
-    even = h[:, None] * np.linspace(0.0, 1.0, _POINTS)
-    return np.append(np.repeat(np.arange(h.size), _POINTS), each), np.append(even.reshape(-1), since)
+        at = advance(begin[:, each], jerk, since)
+        since = np.clip(since - (at[0] - s) / np.maximum(at[1], _TINY), 0.0, h[each])
+    return each, since
 
 
 def _phases(solver: _Ruckig, plan: _Plan) -> tuple[FloatArray, FloatArray, FloatArray]:
