@@ -12,7 +12,8 @@ import signal
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from dataclasses import replace
 from enum import StrEnum
 from importlib import resources
 from pathlib import Path
@@ -141,7 +142,7 @@ def plan(
     with _exits():
         _require_outputs(output, plot)
         path, limits, machine_name = _load(curve, scale, machine, feed_mm_s, period_s)
-        from planner import plan_feedrate, write_table
+        from planner import SolverError, certify, plan_feedrate, write_table
         from planner.progress import ProgressLine
 
         _load_kernels()
@@ -160,6 +161,10 @@ def plan(
                 progress=line,
             )
             seconds = time.perf_counter() - started
+            if method is not Method.toppra:
+                line("bounding the time from below")
+                with suppress(SolverError):  # the plan keeps its own, looser bound
+                    profile = replace(profile, lower_bound=certify(path, limits, profile))
             if output is not None:
                 line(f"writing {output}")
                 write_table(output, profile, limits)

@@ -42,6 +42,7 @@ _MAPS = [
     np.polyder(_SLOPE[::-1], 2),
 ]
 _NEWTON_PASSES = 80
+_SEAM_TOLERANCE = 1e-7  # relative jump of the first and second derivative between end and start that counts as none
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,7 +197,7 @@ def cut(
     sections = []
     for i, (u0, u1) in enumerate(pairwise(at_rest)):
         inside = [b for b in curve.breaks if u0 < b.u < u1]
-        smooth = all(b.parametric >= 2 for b in inside)
+        smooth = all(b.parametric >= 2 for b in inside) and not (periodic and _seam_jumps(curve))
         if not smooth and arc is None:
             arc = weighted_arclength(curve, weights)
         entry = (np.nan if periodic else start_feed) if i == 0 else 0.0
@@ -213,6 +214,13 @@ def cut(
             )
         )
     return sections
+
+
+def _seam_jumps(curve: Curve) -> bool:
+    """The parametrisation of a closed curve is not C2 where its end meets its start."""
+    start, end = (curve.derivatives(u, 2) for u in curve.domain)
+    jump, size = np.abs(end - start).max(axis=-1), np.abs([start, end]).max(axis=(0, -1))
+    return bool((jump[1:] > _SEAM_TOLERANCE * size[1:]).any())
 
 
 def weighted_arclength(curve: Curve, weights: FloatArray) -> ArcLength:

@@ -29,7 +29,7 @@ _LIMITS = (
     "jerk at a curvature break",
 )
 _SHARE_SHOWN = 0.005  # limits that hold the path back for less of the time are summed up
-
+_WORTH_SHOWN = 1e-4  # of the duration
 _NOTES_SHOWN = 8
 
 
@@ -104,6 +104,7 @@ def to_json(verdict: Verdict) -> str:
             "samples": [_row_facts(row) for row in verdict.samples_report.rows],
         },
         "held_back_by": profile.shares(),
+        "saved_by_one_percent_s": dict(profile.stats.get("saved_by_one_percent", {})),
         "notes": verdict.notes,
         "files": list(verdict.files),
     }
@@ -156,6 +157,7 @@ def to_text(verdict: Verdict) -> RenderableType:
         _limit_table(_reports(verdict)),
         "",
         _named("held back by", shares),
+        *_worth(verdict.profile),
         *(_named("note", note) for note in _shortened(verdict.notes)),
         *(_named("written", name) for name in verdict.files),
         "",
@@ -203,6 +205,15 @@ def _facts(verdict: Verdict) -> RenderableType:
     else:
         bound = "none from this method"
     return Group(*lines, _named("duration", time, "bold"), _named("lower bound", bound))
+
+
+def _worth(profile: FeedrateProfile) -> list[Table]:
+    """One line on the limits whose relaxation would save most."""
+    saved = {name: 10.0 * value for name, value in profile.stats.get("saved_by_one_percent", {}).items()}
+    shown = [(name, value) for name, value in saved.items() if value > _WORTH_SHOWN * profile.duration][:4]
+    if not shown:
+        return []
+    return [_named("10% more of", ", ".join(f"{name} saves {value:.3g} s" for name, value in shown))]
 
 
 def _planned_in(seconds: float) -> str:

@@ -123,6 +123,7 @@ class TestPlan:
         stats = {"notes": ["exact stop at u = 0.5"] + [f"curvature jumps, {i}" for i in range(20)], "status": "budget"}
         changed = dataclasses.replace(plan, lower_bound=plan.duration / 1.25, stats=stats)
         planned_by(monkeypatch, lambda *_args, **_options: changed)
+        monkeypatch.setattr("planner.certify", lambda _curve, _limits, profile: profile.lower_bound)
         code, out, _ = run("plan", "teardrop", "--json")
         facts = parsed(out)
         assert code == 0
@@ -134,8 +135,22 @@ class TestPlan:
         assert "note          exact stop at u = 0.5" in out
         assert "15 more notes are in --json" in out
 
+    def test_the_bound_is_certified(self, run, monkeypatch, plan):
+        planned_by(monkeypatch, lambda *_args, **_options: plan)
+        monkeypatch.setattr("planner.certify", lambda *_args: plan.duration / 1.125)
+        assert parsed(run("plan", "teardrop", "--json")[1])["gap"] == pytest.approx(0.125)
+
+    def test_what_a_limit_costs_is_told(self, run):
+        code, out, _ = run("plan", "teardrop", *QUICK, "--json")
+        assert code == 0
+        saved = parsed(out)["saved_by_one_percent_s"]
+        assert next(iter(saved)) == "feed"
+        assert saved["feed"] > 0.0
+        assert "10% more of   feed saves" in run("plan", "teardrop", *QUICK)[1]
+
     def test_no_bound_is_no_number(self, run, monkeypatch, plan):
         planned_by(monkeypatch, lambda *_args, **_options: dataclasses.replace(plan, lower_bound=np.nan))
+        monkeypatch.setattr("planner.certify", lambda _curve, _limits, profile: profile.lower_bound)
         _, out, _ = run("plan", "teardrop", "--json")
         assert parsed(out)["lower_bound_s"] is None
         assert parsed(out)["gap"] is None
