@@ -270,7 +270,7 @@ def test_curve_entered_and_left_at_a_feed():
 def test_feed_too_fast_for_a_short_line_names_the_largest_allowed(name, feeds):
     # From rest over L the feed reaches v with L = v sqrt(v / J), where the acceleration is not reached.
     largest = (0.5**2 * 20000.0) ** (1.0 / 3.0)
-    with pytest.raises(InfeasibleError, match=rf"{name} = 60 mm/s is too fast.* is 17\.1") as raised:
+    with pytest.raises(InfeasibleError, match=rf"{name} = 60 mm/s is too fast") as raised:
         duration(line(0.5, 0.0), MILL, *feeds)
     named = float(str(raised.value).split(" is ")[-1].split()[0])
     assert named == pytest.approx(largest, rel=1e-5)
@@ -321,7 +321,7 @@ def test_tip_at_rest_is_refused_with_the_method_that_can():
     with pytest.raises(InputError, match=r'tip rests at u = .* use method = "optimal"'):
         duration(curve, limits)
     turning = FormulaCurve({"X": "10 + 0*u", "Y": "0*u", "C": "u"}, (0.0, 1.0), name="turntable")
-    with pytest.raises(InputError, match='tip rests .* use method = "optimal"'):
+    with pytest.raises(InputError, match=r'tip rests .* use method = "optimal"'):
         duration(turning, Limits(100.0, [100.0, 100.0, 1.0], [1e3, 1e3, 5.0], [2e4, 2e4, 50.0]))
 
 

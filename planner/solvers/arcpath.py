@@ -35,9 +35,9 @@ _STEP_SHARE, _AROUND_STEP, _JERK_NEAR_STEP = 2.0 / 3.0, 3.0, 0.5
 _NEXT_TO_JUMP = 1e-3  # of the distance covered in three periods
 _STRAIGHT = 1e-12
 _BESIDE = 1e-3  # of a cell
-# Two rounded numbers u, 2 eps apart, make the third derivative of a quintic over a time h uncertain by 120 eps |u| / h^3,
+# Two rounded numbers u, 4 eps apart, make the third derivative of a quintic over a time h uncertain by 240 eps |u| / h^3,
 # the first two by fractions of that times h^2 and h.
-_DIGITS = 120.0 * float(np.finfo(np.float64).eps)
+_DIGITS = 240.0 * float(np.finfo(np.float64).eps)
 _DIGITS_OF_ORDER = np.array([[0.07], [0.25], [1.0]])
 NOISE = 1e-3  # share of the jerk limits that rounding may take
 _ON_BREAK = 4.0 * float(np.finfo(np.float64).eps)

@@ -29,6 +29,7 @@ there is no arc length to plan along.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import product
 
@@ -126,7 +127,7 @@ def plan_section(
     for repair in range(_REPAIRS):
         nodes = tabulate(curve, limits, (u_start, u_end), *_phases(solver, plan))
         used, noise = used_exactly(curve, limits, nodes)
-        bad, short = np.flatnonzero(used > 1.0 + _TOLERANCE), np.flatnonzero(noise > NOISE)
+        bad, short = np.flatnonzero(used > 1.0 + _TOLERANCE), np.flatnonzero((noise > NOISE) & base.curved.any())
         if bad.size == 0 and (short.size == 0 or repair >= _NUDGES):
             return nodes
         places = curve.arclength.s(nodes[1])
@@ -170,14 +171,13 @@ class _Ruckig:
         problem = self._problem
         problem.current_velocity, problem.target_velocity = [v0], [v1]
         problem.max_velocity, problem.max_jerk = [v], [jerk]
-        problem.max_acceleration, problem.min_acceleration = [up], [-down]
-        try:
-            if self._solver.calculate(problem, self._trajectory) < 0:
-                return None
-        except self._failure:
-            return None
-        profile = self._trajectory.profiles[0][0]
-        return profile.t, profile.j, profile.p, profile.v
+        for less in (1.0, 1.0 - _ROUND_OFF):  # where the acceleration is just reached, ruckig may find nothing
+            problem.max_acceleration, problem.min_acceleration = [up * less], [-down * less]
+            with suppress(self._failure):
+                if self._solver.calculate(problem, self._trajectory) >= 0:
+                    profile = self._trajectory.profiles[0][0]
+                    return profile.t, profile.j, profile.p, profile.v
+        return None
 
 
 def _trace(
@@ -212,6 +212,7 @@ def _trace(
             same = np.abs(feeds[:, first + 3] - feeds[:, first]) <= _ROUND_OFF * feeds.max(axis=1)
             h[same, 3] += h[same, first : first + 3].sum(axis=1)
             h[same, first : first + 3] = 0.0
+        h[h <= _ROUND_OFF * h.sum(axis=1, keepdims=True)] = 0.0
         phases[:, some] = tau[some, None] * h, np.where(h > 0.0, j * (unit / tau**2)[some, None], 0.0)
         time[some] = phases[0, some].sum(axis=1)
     states[0, :, 0], states[1, :, 0] = s0, v0
