@@ -16,6 +16,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
+from planner.bounds import without_jerk
 from planner.constraints import Constraints, Path, build
 from planner.errors import InfeasibleError, InputError, SolverError
 from planner.geometry.curve import Curve, FloatArray
@@ -24,12 +25,17 @@ from planner.law import SpeedLaw, TimeNodes, Utilisation, utilisation
 from planner.limits import Limits, feedrate_limits
 from planner.profile import FeedrateProfile, make_profile
 from planner.sections import Section, cut
+from planner.sensitivity import saved_by_one_percent
+from planner.solvers import optimal
+from planner.solvers.optimal import Solution
 
 Method = Literal["optimal", "nlp", "toppra", "scurve"]
 Progress = Callable[[str, float | None], None]
 
 DEFAULT_INTERVALS = 1000
 _COARSER = 4
+_COARSE_GAP = 1e-2
+_LEAST_GUESS = 1e-6
 _MIN_INTERVALS = 24
 _MAX_INTERVALS = 20_000_000
 # A plan that needs more slowing down than this at the end is refined first.
@@ -187,6 +193,8 @@ def _validate(
     if intervals is not None and not _MIN_INTERVALS <= intervals <= _MAX_INTERVALS:
         raise InputError(f"intervals = {intervals!r} must lie within [{_MIN_INTERVALS}, {_MAX_INTERVALS}]")
     if periodic:
+        if method not in {"optimal", "nlp"}:
+            raise InputError(f"periodic = True is planned by the methods optimal and nlp, not by {method!r}")
         _require_closed(curve, start_feed, end_feed)
     for name, feed, u in (("start_feed", start_feed, curve.domain[0]), ("end_feed", end_feed, curve.domain[1])):
         if not (np.isfinite(feed) and feed >= 0.0):
@@ -252,60 +260,122 @@ def _solve_and_refine(
     wanted = intervals or DEFAULT_INTERVALS
     guess = scan(section, limits, wanted)
     section = with_blends(section, guess)
+    task = _Task(section, limits, guess, method, periodic, deadline, progress)
     law: SpeedLaw | None = None
     spent = 0.0
     if method == "optimal":
-        coarse = place_knots(section, guess, max(_MIN_INTERVALS, wanted // _COARSER))
-        law, _, solution, _ = _solve(section, limits, coarse, guess, None, method, periodic, deadline, 1e-2)
+        coarse = _Stage.on(task, place_knots(section, guess, max(_MIN_INTERVALS, wanted // _COARSER)))
+        law, solution = coarse.solve(task, None, _COARSE_GAP)
         spent = solution.cpu_s
-    grid = place_knots(section, guess, wanted)
-    # A slower clock would change a prescribed feed; there the limits are tightened instead, and met without a margin.
-    prescribed = section.has_prescribed_feed
-    least = 1.0 + _PRESCRIBED_MARGIN if prescribed else 1.0
-    margins = Margins.uniform(grid, least)
+    stage = _Stage.on(task, place_knots(section, guess, wanted))
     best: SectionPlan | None = None
-    iterate: Any = None
     for round_ in range(_MAX_ROUNDS):
-        law, path, solution, unit = _solve(
-            section, limits, grid, guess, law, method, periodic, deadline, None, margins, progress
-        )
+        law, solution = stage.solve(task, law)
         spent += solution.cpu_s
-        nodes = law.nodes(path)
+        nodes = law.nodes(stage.path)
         used = utilisation(section.curve, limits, nodes)
         slowdown = float(used.slowdown.max())
-        stats = {
-            "status": solution.status,
-            "iterations": solution.iterations,
-            "gap": solution.gap,
-            "residual": solution.residual,
-            "intervals": grid.intervals,
-            "rounds": round_ + 1,
-            "slowdown": slowdown,
-            "solve_cpu_s": spent,
-        }
-        kappa = 1.0 if prescribed else max(1.0, slowdown * (1.0 + _PEAK_MARGIN))
-        candidate = SectionPlan(nodes.dilated(kappa), np.nan, stats)
-        if best is None or prescribed or candidate.nodes.t[-1] < best.nodes.t[-1]:
-            best, iterate, at_points = candidate, solution.iterate, path
-        accepted = slowdown <= (1.0 + _PEAK_MARGIN if prescribed else _ACCEPTED_SLOWDOWN)
+        # A slower clock would change a prescribed feed; there the limits are tightened until they are met as they are.
+        kappa = 1.0 if task.prescribed else max(1.0, slowdown * (1.0 + _PEAK_MARGIN))
+        duration = kappa * float(nodes.t[-1])
+        if best is None or task.prescribed or duration < best.nodes.t[-1]:
+            stats = {"status": solution.status, "iterations": solution.iterations, "gap": solution.gap}
+            stats |= {"residual": solution.residual, "intervals": stage.grid.intervals, "slowdown": slowdown}
+            stats |= {"rounds": round_ + 1, "solve_cpu_s": spent, "saved_by_one_percent": stage.worth(task, solution)}
+            best = SectionPlan(nodes.dilated(kappa), np.nan, stats)
+        accepted = slowdown <= (1.0 + _PEAK_MARGIN if task.prescribed else _ACCEPTED_SLOWDOWN)
         if accepted or time.perf_counter() > deadline:
             break
         if slowdown > _TOO_COARSE and intervals is None:
-            grid = split(section, grid, _by_interval(used.slowdown, grid) > _ACCEPTED_SLOWDOWN)
-            margins = Margins.uniform(grid, least)
+            stage = _Stage.on(
+                task, split(section, stage.grid, _by_interval(used.slowdown, stage.grid) > _ACCEPTED_SLOWDOWN)
+            )
         else:
-            margins = margins.raised(used, grid)
+            stage = replace(stage, margins=stage.margins.raised(used, stage.grid))
     if best is None:
         raise SolverError("no round of refinement was run")
-    if iterate is None:
-        return best
-    from planner.bounds import without_jerk
-    from planner.sensitivity import saved_by_one_percent
+    bound = without_jerk(section, limits, stage.grid)[1]
+    best.stats["solve_cpu_s"] = spent
+    return replace(best, lower_bound=min(bound, float(best.nodes.t[-1])))
 
-    bound = min(without_jerk(section, limits, grid)[1], float(best.nodes.t[-1]))
-    saved = saved_by_one_percent(iterate, at_points, limits, section.curve.axes)
-    saved = {name: value * unit for name, value in saved.items()}
-    return replace(best, lower_bound=bound, stats=best.stats | {"saved_by_one_percent": saved})
+
+@dataclass(frozen=True, eq=False)
+class _Task:
+    """A section and how it is to be solved."""
+
+    section: Section
+    limits: Limits
+    guess: Scan
+    method: str
+    periodic: bool
+    deadline: float
+    progress: Progress | None
+
+    @property
+    def prescribed(self) -> bool:
+        """A feed is prescribed at one of the ends."""
+        return self.section.has_prescribed_feed
+
+
+@dataclass(frozen=True, eq=False)
+class _Stage:
+    """A grid with its constraints and the margins they are given."""
+
+    grid: Grid
+    problem: Constraints
+    path: Path
+    margins: Margins
+
+    @classmethod
+    def on(cls, task: _Task, grid: Grid) -> _Stage:
+        """Build the constraints on a grid."""
+        problem, path = build(task.section, task.limits, grid, task.guess, periodic=task.periodic)
+        return cls(grid, problem, path, Margins.uniform(grid, 1.0 + _PRESCRIBED_MARGIN if task.prescribed else 1.0))
+
+    def solve(self, task: _Task, law: SpeedLaw | None, tolerance: float | None = None) -> tuple[SpeedLaw, Solution]:
+        """Solve, from a previous law where there is one."""
+        problem = self.margins.apply(self.problem)
+        per_x = (problem.length_unit / problem.time_unit) ** 2
+        if law is not None:
+            floor = _LEAST_GUESS * float(law.x.min())
+            problem = replace(problem, guess=np.maximum(law.at(self.grid.sigma), floor) / per_x)
+        try:
+            solution = _run(task, problem, law is not None, tolerance)
+        except SolverError as error:
+            if not task.prescribed:
+                raise
+            section = task.section
+            length = float(np.diff(section.curve.arclength.s([section.u_start, section.u_end]))[0])
+            raise InfeasibleError(
+                f"no plan found from start_feed = {section.start_feed or 0.0:g} to end_feed = "
+                f"{section.end_feed or 0.0:g} mm/s between u = {section.u_start:.6g} and {section.u_end:.6g} "
+                f"(length {length:.6g} mm): {error}; a prescribed feed must be attainable under the limits, lower it"
+            ) from None
+        scale = problem.length_unit
+        x, a, c = solution.x * per_x, solution.a * per_x / scale, solution.c * per_x / scale**2
+        return SpeedLaw(self.grid.sigma, x, a, c), solution
+
+    def worth(self, task: _Task, solution: Solution) -> dict[str, float]:
+        """Seconds that one percent more of each limit would save."""
+        if solution.iterate is None:
+            return {}
+        saved = saved_by_one_percent(solution.iterate, self.path, task.limits, task.section.curve.axes)
+        return {name: value * self.problem.time_unit for name, value in saved.items()}
+
+
+def _run(task: _Task, problem: Constraints, warm: bool, tolerance: float | None) -> Solution:
+    if task.method == "nlp":
+        from planner.solvers import nlp
+
+        return nlp.solve(problem)
+    return optimal.solve(
+        problem,
+        optimal.start_from(problem, problem.guess),
+        centring=0.1 if warm else 1.0,
+        tolerance=tolerance,
+        deadline=task.deadline,
+        progress=task.progress,
+    )
 
 
 def _by_interval(values: FloatArray, grid: Grid) -> FloatArray:
@@ -316,67 +386,6 @@ def _by_interval(values: FloatArray, grid: Grid) -> FloatArray:
     first = np.cumsum(np.where(full, 2, 1)) - np.where(full, 2, 1)
     out[full] = np.maximum(values[first[full]], values[first[full] + 1])
     return out
-
-
-def _solve(
-    section: Section,
-    limits: Limits,
-    grid: Grid,
-    guess: Scan,
-    law: SpeedLaw | None,
-    method: str,
-    periodic: bool,
-    deadline: float,
-    tolerance: float | None,
-    margins: Margins | None = None,
-    progress: Progress | None = None,
-) -> tuple[SpeedLaw, Path, Any, float]:
-    """Solve on one grid, from a previous law where there is one."""
-    problem, path = build(section, limits, grid, guess, periodic=periodic)
-    if margins is not None:
-        problem = margins.apply(problem)
-    per_x = (problem.length_unit / problem.time_unit) ** 2
-    if law is not None:
-        floor = 1e-6 * float(law.x.min())
-        problem = replace(problem, guess=np.maximum(law.at(grid.sigma), floor) / per_x)
-    try:
-        solution = _run(problem, method, law is not None, tolerance, deadline, progress)
-    except SolverError as error:
-        if not section.has_prescribed_feed:
-            raise
-        raise InfeasibleError(
-            f"no plan found from start_feed = {section.start_feed or 0.0:g} to end_feed = {section.end_feed or 0.0:g} mm/s "
-            f"between u = {section.u_start:.6g} and {section.u_end:.6g} (length {_length(section):.6g} mm): {error}; "
-            "a prescribed feed must be attainable under the limits, lower it"
-        ) from None
-    scale = problem.length_unit
-    found = SpeedLaw(grid.sigma, solution.x * per_x, solution.a * per_x / scale, solution.c * per_x / scale**2)
-    return found, path, solution, problem.time_unit
-
-
-def _length(section: Section) -> float:
-    s = section.curve.arclength.s(np.array([section.u_start, section.u_end]))
-    return float(s[1] - s[0])
-
-
-def _run(
-    problem: Constraints, method: str, warm: bool, tolerance: float | None, deadline: float, progress: Progress | None
-) -> Any:
-    if method == "nlp":
-        from planner.solvers import nlp
-
-        return nlp.solve(problem)
-    from planner.solvers import optimal
-
-    start = optimal.start_from(problem, problem.guess)
-    return optimal.solve(
-        problem,
-        start,
-        centring=0.1 if warm else 1.0,
-        tolerance=tolerance,
-        deadline=deadline,
-        progress=progress,
-    )
 
 
 def _chain(parts: list[TimeNodes]) -> TimeNodes:

@@ -29,7 +29,8 @@ Rules of one iteration
 4.  Separate primal and dual step lengths, a fraction clip(1 - gap/T, 0.9, 0.995) of the way to the boundary; x falls by
     90 % at most.  No line search is needed, by the consequence above.
 
-It stops when sum(s l) is below 1e-5 of the time with the multipliers repaired to exact dual feasibility.
+It stops when sum(s l) is below 1e-5 of the time (less where some intervals take hardly any time) and no row is violated
+by more than 1e-9.
 
 End conditions.  A rest needs none (the rest map).  A prescribed feed fixes x at the first or last knot, a periodic path
 equates both states: the first is fixed in the root solve, the others are rows added by the Schur complement of a few
