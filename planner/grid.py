@@ -25,6 +25,7 @@ _UNIFORM, _TIME, _TURNING = 0.2, 0.5, 0.3
 # |d spacing / d sigma| that keeps neighbours within a factor 2
 _GROWTH = 0.6
 _BLEND_KNOTS = 20
+_SLIVER = 1e-13  # of the whole
 _SCAN_PER_INTERVAL = 2
 _MIN_SCAN = 600
 # How much of acceleration and jerk the scans let the feed use along the path; the rest is left to the curvature.
@@ -161,7 +162,8 @@ def _close_to(dips: Dips, spacing: float) -> FloatArray:
         return np.empty(0)
     levels = int(np.ceil(np.log(spacing / dips.width.min()) / np.log(4.0))) + 1
     distance = spacing * 0.25 ** np.arange(1, min(levels, _DIP_LEVELS) + 1)
-    return (dips.y[narrow][:, None] + np.concatenate([-distance, distance])).reshape(-1)
+    around = dips.y[narrow][:, None] + np.concatenate([-distance, distance])
+    return np.asarray(around.reshape(-1))
 
 
 def _accumulate(rate: FloatArray, over: FloatArray) -> FloatArray:
@@ -199,8 +201,8 @@ def _reachable(
         finite = np.isfinite(rate)
         if not finite.any():
             continue
-        rate = np.where(finite, rate, rate[finite].max())
-        growth = np.concatenate([[0.0], np.cumsum(_steps(rate, length, feed**power))])
+        bounded = np.where(finite, rate, rate[finite].max())
+        growth = np.concatenate([[0.0], np.cumsum(_steps(bounded, length, feed**power))])
         raised = feed**power
         raised = np.minimum.accumulate(raised - growth) + growth
         back = growth[-1] - growth[::-1]
@@ -252,6 +254,9 @@ def place_knots(section: Section, guess: Scan, intervals: int) -> Grid:
     straight = straight[(straight > w0) & (straight < span - w1)]
     blend = np.linspace(0.0, 1.0, 8 * _BLEND_KNOTS + 1)
     sigma = np.unique(np.concatenate([blend * w0, straight, span - blend * w1]))
+    # A break may lie on a sample but for rounding; such a sliver has no density of its own.
+    sigma = sigma[np.append(np.diff(sigma) > _SLIVER * span, True)]
+    sigma[0] = 0.0
     y = section.rest_map(sigma)[0]
     mean = 0.5 * (guess.feed[1:] + guess.feed[:-1])
     time = np.concatenate([[0.0], np.cumsum(np.diff(guess.length) / mean)])
@@ -282,7 +287,7 @@ def place_knots(section: Section, guess: Scan, intervals: int) -> Grid:
 
 
 def _breaks(section: Section) -> FloatArray:
-    """Parameters at which the path is only piecewise smooth: also a fourth derivative that jumps puts a kink into the jerk."""
+    """Parameters at which the path is not smooth; even a fourth derivative that jumps puts a kink into the jerk."""
     u = section.curve._candidate_breaks()
     return u[(u > section.u_start) & (u < section.u_end)]
 

@@ -67,9 +67,10 @@ def shares(q, tip, rates, rows, scalars, out):
                 kind = 0 if k < dim + 2 else (1 if k < 2 * dim + 3 else 2)
                 value = new[k]
                 if p >= 2:
-                    bend = older[k] - 2.0 * old[k] + value
-                    # the vertex lies within the three points, at an end of the interval perhaps beside its first or last
-                    if bend < 0.0 and abs(older[k] - value) <= -2.0 * bend:
+                    bend, lean = older[k] - 2.0 * old[k] + value, older[k] - value
+                    # The vertex is nearest to the middle one, or at an end of the interval to its first or last point.
+                    outer = (p == 2 and lean > 0.0) or (p == points - 1 and lean < 0.0)
+                    if bend < 0.0 and abs(lean) <= (-2.0 * bend if outer else -bend):
                         value = old[k] - (older[k] - value) ** 2 / (8.0 * bend)
                 out[kind, i] = max(out[kind, i], value)
                 older[k], old[k] = old[k], new[k]

@@ -163,8 +163,8 @@ def _invert_blend(fraction: FloatArray) -> FloatArray:
         slope = np.polyval(_MAPS[1], r)
         with np.errstate(divide="ignore", invalid="ignore"):
             trial = r - error / slope
-        good = (trial > lo) & (trial < hi)
-        following = np.where(good, trial, 0.5 * (lo + hi))
+        good = (trial >= lo) & (trial <= hi)
+        following = np.where(error == 0.0, r, np.where(good, trial, 0.5 * (lo + hi)))
         if np.abs(following - r).max() <= 1e-15:
             break
         r = following
@@ -227,7 +227,7 @@ def weighted_arclength(curve: Curve, weights: FloatArray) -> ArcLength:
     """Arc length of the machine axes under the weights of :func:`axis_weights`."""
 
     def speed(u: FloatArray) -> FloatArray:
-        return np.sqrt(np.sum((curve.derivatives(u, 1)[1] * weights) ** 2, axis=-1))
+        return np.asarray(np.sqrt(np.sum((curve.derivatives(u, 1)[1] * weights) ** 2, axis=-1)))
 
     return ArcLength.of_speed(speed, curve, curve.name)
 

@@ -34,6 +34,7 @@ _EVEN_POINTS, _PANEL_POINTS, _CHANGE, _PASSES, _MAX_GRID = 400, 4, 0.02, 8, 200_
 _STEP_SHARE, _AROUND_STEP, _JERK_NEAR_STEP = 2.0 / 3.0, 3.0, 0.5
 _NEXT_TO_JUMP = 1e-3  # of the distance covered in three periods
 _STRAIGHT = 1e-12
+_UNREACHED = 1.01  # times the acceleration at which the largest feed is reached
 _BESIDE = 1e-3  # of a cell
 # Two rounded numbers u, 4 eps apart, make the third derivative of a quintic over a time h uncertain by 240 eps |u| / h^3,
 # the first two by fractions of that times h^2 and h.
@@ -41,7 +42,9 @@ _DIGITS = 240.0 * float(np.finfo(np.float64).eps)
 _DIGITS_OF_ORDER = np.array([[0.07], [0.25], [1.0]])
 NOISE = 1e-3  # share of the jerk limits that rounding may take
 _ON_BREAK = 4.0 * float(np.finfo(np.float64).eps)
-_HALVINGS, _JERK_ERROR, _FEED_ERROR = 16, 1e-4, 3e-10  # of the quintics, against the jerk limits and the largest feed
+_CLOSE = 0.01  # of a phase
+# The quintics' errors against the jerk limits and the largest feed; the command is met within a margin for the latter.
+_HALVINGS, _JERK_ERROR, _FEED_ERROR, _FEED_MARGIN = 16, 1e-4, 3e-8, 1e-7
 _CHECK_POINTS = 9
 _SIDES: tuple[Side, Side] = ("left", "right")
 
@@ -50,14 +53,16 @@ _SIDES: tuple[Side, Side] = ("left", "right")
 class ArcPath:
     """Cells between grid points; limits scaled to 1 and linear across a cell.
 
-    ``s (n + 1,)``; ``rows, slopes (n, 6, axes)``: t/V, t/A, k/A, t/J, 3k/J, z/J at a cell's left end and their change
-    across it; ``cap (n,)`` of the feed by command, chord and curvature jumps; ``limit (n + 1,)`` the limit curve, that is
-    the largest feed at a = J = 0, ``cruise (n,)`` its lowest value in each cell; ``curved (n,)`` 0 where the path is
-    straight, else 1; ``tops (4,)`` the largest feed, accelerations up and down, and jerk anywhere; ``jumps`` places of the
-    curvature jumps that limit the feed; ``shortest`` a time over which double precision still holds a jerk, s; ``trials``
-    the places at which a ramp is to be tried, dense where the limits vary, and both sides of every break.
+    ``command`` the feed commanded; ``s (n + 1,)`` grid points; ``rows, slopes (n, 6, axes)``: t/V, t/A, k/A, t/J, 3k/J,
+    z/J at a cell's left end and their change across it; ``cap (n,)`` of the feed by command, chord and curvature jumps;
+    ``limit (n + 1,)`` the limit curve, that is the largest feed at a = J = 0, ``cruise (n,)`` its lowest value in each
+    cell; ``curved (n,)`` 0 where the path is straight, else 1; ``tops (4,)`` the largest feed, accelerations up and down,
+    and jerk anywhere; ``jumps`` places of the curvature jumps that limit the feed; ``shortest`` a time over which double
+    precision still holds a jerk, s; ``trials`` the places at which a ramp is to be tried, dense where the limits vary,
+    and on both sides of every break.
     """
 
+    command: float
     s: FloatArray
     rows: FloatArray
     slopes: FloatArray
@@ -71,15 +76,16 @@ class ArcPath:
     trials: FloatArray
 
     def with_margin(self, margin: FloatArray, apart: int) -> ArcPath:
-        """Tighten every limit but the feed's cap by a fraction (n,) where the path is curved; try every ``apart`` cells."""
+        """Tighten every limit but the command by a fraction (n,) where the path is curved; try every ``apart`` cells."""
         factor = 1.0 + margin * self.curved
         rows, slopes = self.rows * factor[:, None, None], self.slopes * factor[:, None, None]
-        cruise = np.minimum(self.cruise / factor, self.cap)
+        commanded = self.command / (1.0 + _FEED_MARGIN * self.curved)
+        cap, cruise = (np.where(x < self.command, x / factor, commanded) for x in (self.cap, self.cruise))
         gap = np.abs(self.rows[1:] - self.rows[:-1] - self.slopes[:-1])
         breaks = 1 + np.flatnonzero((gap > _STRAIGHT * np.abs(self.rows).max(axis=0)).any(axis=(1, 2)))
         beside = [self.s[breaks] + _BESIDE * (self.s[breaks + side] - self.s[breaks]) for side in (-1, 1)]
         trials = np.unique(np.concatenate([self.s[::apart], *beside]))
-        return replace(self, rows=rows, slopes=slopes, cruise=cruise, trials=trials)
+        return replace(self, rows=rows, slopes=slopes, cap=cap, cruise=cruise, trials=trials)
 
     def used(self, s: FloatArray, v: FloatArray, a: FloatArray, jerk: FloatArray) -> FloatArray:
         """Largest share of any limit used in states along the path, all (m,)."""
@@ -175,7 +181,7 @@ def describe(curve: Curve, limits: Limits, u_start: float, u_end: float, fastest
     # On a straight path, which is planned to the optimum, every phase is kept.
     shortest = float(np.cbrt(_DIGITS * s1 * np.abs(rows[:, 3]).max() / NOISE)) if curved.any() else 0.0
     both, cruise = np.minimum(both, v), np.minimum(cruise, v)
-    return ArcPath(s, rows, slopes, cap, both, cruise, curved, tops, jumps[jump_feed < v], shortest, s)
+    return ArcPath(limits.feed, s, rows, slopes, cap, both, cruise, curved, tops, jumps[jump_feed < v], shortest, s)
 
 
 def _limit_rows(
@@ -227,7 +233,7 @@ def _tops(v: float, rows: FloatArray, length: float, fastest_end: float, period:
         raise InputError("feed, velocity, acceleration and jerk are all inf; at least one of them must be finite")
     if not np.isfinite(j):
         j = min(a, v / period) / period  # the acceleration builds up within a period, which samples cannot resolve
-    a = min(a, np.sqrt(v * j))
+    a = min(a, _UNREACHED * np.sqrt(v * j))
     return np.array([v, a, a, j])
 
 
@@ -239,7 +245,7 @@ def tabulate(
 ) -> Nodes:
     """Turn phases of constant jerk along the arc length into the nodes (t, u, u_rate, u_acceleration) of a time law.
 
-    Nodes stand where phases begin and on the curve's breaks; an interval is halved while its quintic is off.  With an
+    Nodes stand where phases begin and on the curve's knots; an interval is halved while its quintic is off.  With an
     error e(t) ~ t^3 (h - t)^3 the third derivative is off most at the ends, by d, and the first by 0.009 d h^2.
 
     Parameters
@@ -254,8 +260,13 @@ def tabulate(
         s, v, a at the beginning of each phase and at the end.
     """
     clock = np.append(0.0, np.cumsum(h))
-    breaks = np.array([b.u for b in curve.breaks if u_ends[0] < b.u < u_ends[1]])
+    breaks = curve._candidate_breaks()
+    breaks = breaks[(breaks > u_ends[0]) & (breaks < u_ends[1])]
     cut, after = _crossings(states[:, :-1], jerk, h, curve.arclength.s(breaks), _ON_BREAK * curve.length)
+    # Where the jerk is continuous but its slope is not, a node close by will do.
+    close = np.minimum(after, h[cut] - after) < _CLOSE * h[cut]
+    kept = np.isin(breaks, [b.u for b in curve.breaks]) | ~close
+    breaks, cut, after = breaks[kept], cut[kept], after[kept]
     # Intervals: the phase they start in, how long after its start, and the curve parameter where it is known exactly.
     of, since = np.append(np.arange(h.size), cut), np.append(np.zeros(h.size), after)
     known = np.concatenate([u_ends[:1], np.full(h.size - 1, np.nan), breaks])
@@ -345,13 +356,25 @@ def used_exactly(curve: Curve, limits: Limits, nodes: Nodes) -> tuple[FloatArray
     rates -= np.clip(rates, -noise[:, None], noise[:, None])
     value = np.clip(value, u[i], u[i + 1])
     steps, jerk = _steps(curve, limits, nodes, t[i] + w)
+    law = value[:-1].reshape(-1), *rates[:, :-1].reshape(3, -1)
+    end_law = value[-1], *rates[:, -1]
+    share = _shares(curve, limits, law, jerk[:-1].reshape(-1, 1), "right").reshape(-1, i.size)
+    share = np.append(share, _shares(curve, limits, end_law, jerk[-1, :, None], "left")[None], axis=0)
     used, noisy = np.zeros(t.size - 1), np.zeros(t.size - 1)
-    for some, side in zip((slice(-1, None), slice(0, -1)), _SIDES, strict=True):
-        law = value[some].reshape(-1), *rates[:, some].reshape(3, -1)
-        share = _shares(curve, limits, law, jerk[some].reshape(-1, 1), side).reshape(-1, i.size)
-        used[i] = np.maximum(used[i], share.max(axis=0))
+    used[i] = _peaks(share, jerk)
     noisy[i] = noise[2] * (np.abs(curve.derivatives(u[i], 1)[1]) / limits.jerk).max(axis=1)
     return np.maximum(used, steps), noisy
+
+
+def _peaks(y: FloatArray, allowed: FloatArray) -> FloatArray:
+    """Largest of equidistant values (k, n) along the first axis, and of the parabolas through three of them.
+
+    No parabola spans a change of what is allowed.
+    """
+    slope, bend = y[2:] - y[:-2], y[2:] - 2.0 * y[1:-1] + y[:-2]
+    inside = (np.abs(slope) < -2.0 * bend) & (allowed[2:] == allowed[:-2])
+    top = y[1:-1] - np.divide(slope**2, 8.0 * bend, out=np.zeros_like(bend), where=inside)
+    return np.asarray(np.maximum(y.max(axis=0), top.max(axis=0)))
 
 
 def _shares(

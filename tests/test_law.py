@@ -1,0 +1,317 @@
+"""From sigma_dot^2 to a time law: its integral, its derivatives, and how far it uses the limits between its nodes."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.interpolate import CubicSpline
+from strategies import random_nurbs
+
+from planner.constraints import build
+from planner.geometry.catalog import load_curve
+from planner.geometry.formula import FormulaCurve
+from planner.geometry.nurbs import NurbsCurve
+from planner.grid import place_knots, scan, with_blends
+from planner.law import SpeedLaw, TimeNodes, utilisation
+from planner.limits import Limits
+from planner.profile import evaluate_law
+from planner.sections import cut
+
+W = np.sqrt(0.5)
+MILL = Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2)
+
+
+def law_on(curve, seed=0, intervals=40, limits=MILL):
+    """A random positive spline x(sigma) on the grid of a curve; returns section, path, law, and x as a function."""
+    (section,) = cut(curve, limits, 0.0, 0.0, exact_stop=False)
+    guess = scan(section, limits, intervals)
+    section = with_blends(section, guess)
+    grid = place_knots(section, guess, intervals)
+    _, path = build(section, limits, grid, guess)
+    distinct = np.unique(grid.sigma)
+    heights = np.random.default_rng(seed).uniform(1.0, 3.0, 8)
+    x = CubicSpline(distinct, CubicSpline(np.linspace(0.0, section.span, 8), heights)(distinct))
+    law = SpeedLaw(grid.sigma, x(grid.sigma), 0.5 * x(grid.sigma, 1), 0.5 * x(grid.sigma, 2))
+    return section, path, law, x
+
+
+CURVES = {
+    "formula": lambda: FormulaCurve({"X": "30*cos(u)", "Y": "18*sin(u)+u**2"}, (0.2, 3.0)),
+    "circle": lambda: load_curve("circle"),
+    "butterfly-nurbs": lambda: load_curve("butterfly-nurbs"),
+}
+
+
+@pytest.fixture(scope="module", params=CURVES)
+def laid(request):
+    section, path, law, x = law_on(CURVES[request.param]())
+    return section, path, law, x, law.nodes(path)
+
+
+# ---- SpeedLaw ------------------------------------------------------------------------------------------------------
+
+
+def test_law_is_the_cubic_of_its_values_and_slopes(laid):
+    section, _, law, x, _ = laid
+    sigma = np.linspace(0.0, section.span, 501)
+    assert law.at(sigma) == pytest.approx(x(sigma), rel=1e-12)
+    assert law.at(law.sigma) == pytest.approx(law.x, rel=1e-12)
+
+
+def test_times_are_the_integral_of_one_over_sigma_dot(laid):
+    _, _, law, x, nodes = laid
+    distinct = np.unique(law.sigma)
+    points = np.sort(np.concatenate([distinct, 0.5 * (distinct[1:] + distinct[:-1])]))
+    exact = [quad(lambda s: x(s) ** -0.5, a, b, epsrel=1e-13)[0] for a, b in pairwise(points)]
+    t = np.unique(nodes.t)
+    assert t.size == points.size
+    assert np.diff(t) == pytest.approx(exact, rel=1e-10)
+
+
+def test_nodes_are_knots_and_midpoints_double_where_the_knots_are(laid):
+    section, _, law, _, nodes = laid
+    empty = np.count_nonzero(np.diff(law.sigma) == 0.0)
+    assert nodes.t.size == 2 * law.sigma.size - 1 - empty
+    double = np.flatnonzero(np.diff(nodes.t) == 0.0)
+    assert np.array_equal(nodes.u[double], section.curve._candidate_breaks())
+    assert np.array_equal(nodes.u[double + 1], nodes.u[double])
+    assert nodes.t[0] == 0.0
+    assert (nodes.u[0], nodes.u[-1]) == section.curve.domain
+
+
+def test_rate_and_acceleration_of_the_parameter(laid):
+    """By differences of u over the time, on either side of a break."""
+    section, _, law, x, nodes = laid
+    distinct = np.unique(law.sigma)
+    at = np.sort(np.concatenate([distinct, 0.5 * (distinct[1:] + distinct[:-1])]))
+    single = np.append(np.diff(nodes.t) > 0.0, True)  # the right side of double nodes
+    h = 1e-4 * np.diff(distinct).min()
+    checked = 0
+    for k in range(1, at.size - 1):
+        near = at[k] + h * np.arange(4)  # to the right
+        u = section.parameter(section.rest_map(near)[0])
+        t = np.append(0.0, [quad(lambda s: x(s) ** -0.5, at[k], s, epsrel=1e-14)[0] for s in near[1:]])
+        cubic = np.polyfit(t / t[-1], u - u[0], 3)
+        rate, acceleration = cubic[2] / t[-1], 2.0 * cubic[1] / t[-1] ** 2
+        scale = nodes.u_rate[single].max()
+        assert nodes.u_rate[single][k] == pytest.approx(rate, abs=1e-6 * scale)
+        assert nodes.u_acceleration[single][k] == pytest.approx(
+            acceleration, abs=2e-2 * np.abs(nodes.u_acceleration).max()
+        )
+        checked += 1
+    assert checked > 50
+
+
+def test_stops_are_at_rest_without_acceleration(laid):
+    _, _, _, _, nodes = laid
+    for end in (0, -1):
+        assert nodes.u_rate[end] == 0.0
+        assert nodes.u_acceleration[end] == 0.0
+
+
+def test_a_law_that_dips_below_zero_between_points_stays_finite():
+    section, path, law, _ = law_on(CURVES["formula"]())
+    # on the last interval x falls below 0 before the middle, where it is positive again
+    k, h = law.sigma.size - 2, float(law.sigma[-1] - law.sigma[-2])
+    a, c = law.a.copy(), law.c.copy()
+    a[k], c[k:] = -6.0 * law.x[k] / h, np.array([30.0, -18.0]) * law.x[k] / h**2
+    dipping = SpeedLaw(law.sigma, law.x, a, c)
+    assert dipping.at(np.linspace(0.0, section.span, 20_001)).min() < 0.0
+    t = dipping.nodes(path).t
+    assert np.isfinite(t).all()
+    assert (np.diff(t) > 0.0).all()
+
+
+def test_slower_clock():
+    _, path, law, _ = law_on(CURVES["circle"]())
+    nodes = law.nodes(path)
+    slow = nodes.dilated(2.0)
+    assert np.array_equal(slow.u, nodes.u)
+    assert np.array_equal(slow.t, 2.0 * nodes.t)
+    assert np.array_equal(slow.u_rate, nodes.u_rate / 2.0)
+    assert np.array_equal(slow.u_acceleration, nodes.u_acceleration / 4.0)
+
+
+# ---- utilisation ---------------------------------------------------------------------------------------------------
+
+
+def random_law(curve, seed, nodes=30):
+    """Nodes of a wavy law along a curve, hit by some noise, its breaks at double nodes."""
+    rng = np.random.default_rng(seed)
+    lo, hi = curve.domain
+    waves = [(2.0 * np.pi * k, rng.uniform(0.0, 0.3) / (2.0 * np.pi * k), rng.uniform(0.0, 6.0)) for k in (1, 2, 3)]
+
+    def law(t, order):
+        out = (lo + (hi - lo) * t, np.full(t.shape, hi - lo), np.zeros(t.shape))[order]
+        for w, size, phase in waves:
+            shift = size * (hi - lo) * np.sin(w * t + phase + 0.5 * np.pi * order) * w**order
+            out = out + shift - (size * (hi - lo) * np.sin(phase) if order == 0 else 0.0)
+        return out
+
+    breaks = curve._candidate_breaks()
+    t = np.linspace(0.0, 1.0, nodes + 1)
+    u = law(t, 0)
+    for at in breaks:
+        near = int(np.argmin(np.abs(u - at)))
+        left, right = 0.0, 1.0
+        for _ in range(60):
+            mid = 0.5 * (left + right)
+            left, right = (mid, right) if law(np.array([mid]), 0)[0] < at else (left, mid)
+        t[near], u[near] = mid, at
+    u[0], u[-1] = lo, hi
+    rate, acceleration = law(t, 1), law(t, 2)
+    noise = np.diff(t).min()
+    rate *= 1.0 + 1e-3 * noise**2 * rng.normal(size=t.size)
+    acceleration += 1e-2 * noise * np.abs(acceleration).max() * rng.normal(size=t.size)
+    twice = np.repeat(np.arange(t.size), 1 + np.isin(u, breaks))
+    return TimeNodes(t[twice], u[twice], rate[twice], acceleration[twice])
+
+
+def by_brute_force(curve, limits, nodes, points=1001):
+    """Largest shares (3, n - 1) by evaluating every interval from its inside at many points."""
+    out = np.zeros((3, nodes.t.size - 1))
+    for i in np.flatnonzero(np.diff(nodes.t) > 0.0):
+        pair = slice(i, i + 2)
+        t = nodes.t[i] + (nodes.t[i + 1] - nodes.t[i]) * np.linspace(1e-9, 1.0 - 1e-9, points)
+        u, u1, u2, u3 = evaluate_law(nodes.t[pair], nodes.u[pair], nodes.u_rate[pair], nodes.u_acceleration[pair], t)
+        q = curve.derivatives(u, 3)
+        v = q[1] * u1[:, None]
+        a = q[2] * u1[:, None] ** 2 + q[1] * u2[:, None]
+        j = q[3] * u1[:, None] ** 3 + 3.0 * q[2] * (u1 * u2)[:, None] + q[1] * u3[:, None]
+        tip = [i for i, axis in enumerate(curve.axes) if axis not in "ABC"]
+        feed = np.sqrt(np.sum(v[:, tip] ** 2, axis=-1))
+        direction = v[:, tip] / feed[:, None]
+        along = np.abs(np.sum(a[:, tip] * direction, axis=-1))
+        # d/dt of |v|' = v.a/|v|
+        normal2 = np.sum(a[:, tip] ** 2, axis=-1) - along**2
+        twice = np.abs(np.sum(j[:, tip] * direction, axis=-1) + normal2 / feed)
+        curvature = np.sqrt(np.maximum(normal2, 1e-300)) / feed**2
+        chord = np.minimum(limits.chord_error, 1.0 / curvature)
+        allowed = (
+            2.0 / limits.period * np.sqrt(chord * (2.0 / curvature - chord)) if np.isfinite(chord).all() else np.inf
+        )
+        speed = [(np.abs(v) / limits.velocity).max(), (feed / limits.feed).max()]
+        if np.isfinite(limits.chord_error):
+            speed.append((feed / allowed).max())
+        out[0, i] = max(speed)
+        out[1, i] = max((np.abs(a) / limits.acceleration).max(), (along / limits.tangential_acceleration).max())
+        out[2, i] = max((np.abs(j) / limits.jerk).max(), (twice / limits.tangential_jerk).max())
+    return out
+
+
+EVERY_LIMIT = {"chord_error": 1e-3, "tangential_acceleration": 500.0, "tangential_jerk": 5000.0}
+SOME = [
+    {"feed": 100.0},
+    {"velocity": [50.0, 80.0]},
+    {"acceleration": [700.0, 500.0]},
+    {"jerk": [20000.0, 9000.0]},
+    {"chord_error": 1e-4},
+    {"tangential_acceleration": 300.0},
+    {"tangential_jerk": 3000.0},
+]
+
+
+@pytest.mark.parametrize("some", SOME, ids=lambda some: next(iter(some)))
+@pytest.mark.parametrize("name", ["formula", "circle"])
+def test_utilisation_of_every_kind_of_limit(name, some):
+    curve = CURVES[name]()
+    free = [np.inf, np.inf]
+    limits = Limits(**({"feed": np.inf, "velocity": free, "acceleration": free, "jerk": free} | some))
+    nodes = random_law(curve, 3)
+    used = utilisation(curve, limits, nodes)
+    exact = by_brute_force(curve, limits, nodes)
+    found = np.stack([used.speed, used.acceleration, used.jerk])
+    assert np.count_nonzero(exact.max(axis=1)) == 1
+    assert found == pytest.approx(exact, rel=1e-3, abs=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_peak_that_decides_is_found(seed):
+    curve = random_nurbs(seed, 3, 2)
+    limits = Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2, **EVERY_LIMIT)
+    nodes = random_law(curve, seed, 60)
+    slowdown = utilisation(curve, limits, nodes).slowdown
+    speed, acceleration, jerk = by_brute_force(curve, limits, nodes)
+    exact = np.maximum(speed, np.maximum(np.sqrt(acceleration), np.cbrt(jerk)))
+    assert slowdown.max() == pytest.approx(exact.max(), rel=2e-6)
+    assert (slowdown >= exact * (1.0 - 1e-3)).all()
+    assert (slowdown <= exact * 1.05).all()
+    assert (slowdown[np.diff(nodes.t) == 0.0] == 0.0).all()
+
+
+@pytest.mark.parametrize("place", [0.027, 0.5, 0.93])
+def test_a_peak_between_two_points_is_estimated(place):
+    """One interval of a line, its jerk a parabola with its peak anywhere: u''' is quadratic in the quintic."""
+    line = NurbsCurve([[0.0, 0.0], [1.0, 0.0]], [0, 0, 1, 1], 1)
+
+    def u(t, order):
+        # u''' = 1 - (t - place)^2, and enough feed
+        p = np.polynomial.Polynomial([1.0 - place**2, 2.0 * place, -1.0]).integ(3, k=[1.0, 0.7, 0.0])
+        return p.deriv(order)(t) if order else p(t)
+
+    scale = 1.0 / u(1.0, 0)
+    t = np.array([0.0, 1.0])
+    nodes = TimeNodes(t, scale * u(t, 0), scale * u(t, 1), scale * u(t, 2))
+    limits = Limits(np.inf, [np.inf] * 2, [np.inf] * 2, [scale, np.inf])
+    assert utilisation(line, limits, nodes).jerk == pytest.approx([1.0], rel=1e-9)
+
+
+def test_every_interval_of_a_long_law_has_its_peak_estimated():
+    """Only few intervals are looked at closely; the others rely on the parabola through three points."""
+    curve = CURVES["formula"]()
+    limits = Limits(np.inf, [np.inf] * 2, [np.inf] * 2, [20000.0, 9000.0])
+    nodes = random_law(curve, 5, 400)
+    used = utilisation(curve, limits, nodes).jerk
+    exact = by_brute_force(curve, limits, nodes)[2]
+    assert used == pytest.approx(exact, rel=1e-3)
+
+
+def test_rotary_axes_and_a_resting_tip():
+    xy = [[10.0 * k, 0.0] for k in range(4)] + [[30.0, 0.0]] * 5 + [[30.0, 10.0 * k] for k in range(1, 4)]
+    points = np.column_stack([xy, 0.05 * np.arange(len(xy))])
+    knots = [0, 0, 0, 0, *range(1, len(xy) - 3), *[len(xy) - 3] * 4]
+    curve = NurbsCurve(points, knots, 3, axes=["X", "Y", "A"])
+    t = np.linspace(0.0, 9.0, 91)
+    limits = Limits(100.0, [250, 250, 0.1], [1000, 1000, 10], [2e4, 2e4, 200], 1e-3, axes=["X", "Y", "A"])
+    double = np.repeat(np.arange(91), 1 + np.isin(np.round(t, 9), np.arange(1.0, 9.0)))
+    one = np.ones(double.size)
+    used = utilisation(curve, limits, TimeNodes(t[double], t[double], one, 0.0 * one))
+    mid = np.append(0.5 * (t[double][1:] + t[double][:-1]), 0.0)[:-1]
+    resting = (mid > 5.0) & (mid < 6.0) & (np.diff(t[double]) > 0.0)
+    assert np.isfinite(used.slowdown).all()
+    assert used.speed[resting] == pytest.approx(np.full(np.count_nonzero(resting), 0.5), rel=1e-9)
+    assert used.jerk[resting].max() < 1e-6
+
+
+def test_beside_a_curvature_jump_half_of_the_jerk_is_the_steps():
+    points = [[-20, 0], [-10, 0], [0, 0], [10, 0], [10, 10]]
+    curve = NurbsCurve(points, [0, 0, 0, 1, 1, 2, 2, 2], 2, [1, 1, 1, W, 1])
+    at = float(curve.arclength.s(1.0))
+    feed, slowing = 10.0, 400.0  # mm/s and mm/s^3: a constant jerk along the line before the jump
+    time = np.linspace(-0.05, 0.0, 51)
+    s = at + feed * time - slowing * time**3 / 6.0
+    u = curve.arclength.u(s)
+    u[-1] = 1.0
+    d = curve.derivatives(u, 2, side="left")
+    speed = np.sqrt(np.sum(d[1] ** 2, axis=-1))
+    rate = (feed - slowing * time**2 / 2.0) / speed
+    acceleration = (-slowing * time - rate**2 * np.sum(d[1] * d[2], axis=-1) / speed) / speed
+    after = np.linspace(0.001, 0.02, 20)
+    u_after = curve.arclength.u(at + feed * after)
+    d_after = curve.derivatives(u_after, 2)
+    speed_after = np.sqrt(np.sum(d_after[1] ** 2, axis=-1))
+    turn = -((feed / speed_after) ** 2) * np.sum(d_after[1] * d_after[2], axis=-1) / speed_after**2
+    at_jump = curve.derivatives(np.array([1.0]), 2)[:, 0]
+    first = np.sqrt(at_jump[1] @ at_jump[1])
+    nodes = TimeNodes(
+        np.concatenate([time, [0.0], after]) + 0.05,
+        np.concatenate([u, [1.0], u_after]),
+        np.concatenate([rate, [feed / first], feed / speed_after]),
+        np.concatenate([acceleration, [-(feed**2) * (at_jump[1] @ at_jump[2]) / first**4], turn]),
+    )
+    limits = Limits(np.inf, [np.inf] * 2, [np.inf] * 2, [1000.0, np.inf], period=2e-3)
+    used = utilisation(curve, limits, nodes).jerk
+    before = nodes.t[1:51] < 0.05 - 6e-3 + 1e-9
+    assert used[:50][before] == pytest.approx(np.full(np.count_nonzero(before), 0.4), rel=1e-3)
+    assert used[45:50] == pytest.approx(np.full(5, 0.8), rel=1e-3)
