@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from planner.bounds import certify
-    from planner.check import Report, check
+    from planner.check import Report, Row, check
     from planner.errors import (
         CurveError,
         FeedrateError,
@@ -49,6 +49,7 @@ __all__ = [
     "Limits",
     "ProfileStates",
     "Report",
+    "Row",
     "Samples",
     "SolverError",
     "StalledError",
@@ -67,7 +68,7 @@ __version__ = "0.1.0"
 
 _HOME = {
     "bounds": ("certify",),
-    "check": ("Report", "check"),
+    "check": ("Report", "Row", "check"),
     "errors": ("CurveError", "FeedrateError", "InfeasibleError", "InputError", "SolverError", "StalledError"),
     "geometry.catalog": ("CATALOG", "load_curve"),
     "geometry.curve": ("Break", "Curve"),
