@@ -38,6 +38,7 @@ STEP_SHARE = 2.0 / 3.0
 # Spacing at a curvature jump against the width of the dip there, and at most how many knots a dip may add to a grid.
 _DIP_SHARE, _DIP_KNOTS = 0.25, 40
 _DIP_LEVELS = 10
+_NARROWEST_DIP = 1e-9  # of the section
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +47,7 @@ class Scan:
 
     ``y`` and ``length`` (weighted arc length) at the samples; ``feed`` the guess and ``ceiling`` the pointwise bound in
     weighted units per s; ``turning`` the accumulated turning angle, rad; ``acceleration`` and ``jerk`` the tangential
-    ones that the axes allow at the samples; ``speed`` the weighted |dq/du|.  ``dips`` are the curvature jumps.
+    ones that the axes allow at the samples; ``speed`` the weighted |dq/du|.  ``dips`` are places at which it is held low.
     """
 
     y: FloatArray
@@ -62,7 +63,10 @@ class Scan:
 
 @dataclass(frozen=True, eq=False)
 class Dips:
-    """Curvature jumps: their ``y``, the ``feed`` to pass them, and over which ``width`` of y the feed doubles or so."""
+    """Where the feed is held low: at curvature jumps, and at ends with a feed.
+
+    The ``y`` of each, the ``feed`` there, and the ``width`` of y over which it doubles or so.
+    """
 
     y: FloatArray
     feed: FloatArray
@@ -142,17 +146,26 @@ def scan(section: Section, limits: Limits, intervals: int) -> Scan:
 
 
 def _dips(section: Section, limits: Limits, weights: FloatArray) -> Dips:
-    """Feeds (weighted) at which the curvature jumps of a section may be passed, one by one."""
-    u = np.array([b.u for b in section.jumps])
-    sides = [section.curve.derivatives(u, 3, side=side) for side in ("left", "right")]
+    """Feeds (weighted) at which the curvature jumps of a section may be passed, one by one, and those at its ends."""
+    curve = section.curve
+    ends = [(u, feed) for u, feed in ((section.u_start, section.start_feed), (section.u_end, section.end_feed)) if feed]
+    ends = [(u, feed) for u, feed in ends if np.isfinite(feed)]
+    u = np.array([*(b.u for b in section.jumps), *(u for u, _ in ends)])
+    sides = [curve.derivatives(u, 3, side=side) for side in ("left", "right")]
     for d in sides:
         d[1:] *= weights
     before, after = (arc_derivatives(d) for d in sides)
     jerks = weights * limits.jerk
     with np.errstate(divide="ignore", invalid="ignore"):
         feed = np.sqrt(np.fmin.reduce(STEP_SHARE * limits.period * jerks / np.abs(after[2] - before[2]), axis=1))
+        for i, (at, prescribed) in enumerate(ends, start=len(section.jumps)):
+            tip = np.sqrt(np.sum(curve.tip.derivatives(at, 1)[1] ** 2))
+            feed[i] = prescribed / tip * np.sqrt(np.sum(sides[0][1, i] ** 2))
         width = feed**1.5 / (_SCAN_JERK * np.sqrt(np.fmin.reduce(jerks / np.abs(after[1]), axis=1)))
-    return Dips(section.coordinate(u), feed, np.where(np.isfinite(width), width, np.inf))
+    if section.arc is None:
+        width /= np.sqrt(np.sum(sides[0][1] ** 2, axis=-1))
+    least = _NARROWEST_DIP * (section.y_end - section.y_start)
+    return Dips(section.coordinate(u), feed, np.where(np.isfinite(width), np.maximum(width, least), np.inf))
 
 
 def _close_to(dips: Dips, spacing: float) -> FloatArray:

@@ -33,7 +33,7 @@ _REST = 1e-9  # |p'| below this fraction of its largest value: the tip rests
 _EVEN_POINTS, _PANEL_POINTS, _CHANGE, _PASSES, _MAX_GRID = 400, 4, 0.02, 8, 200_000
 _STEP_SHARE, _AROUND_STEP, _JERK_NEAR_STEP = 2.0 / 3.0, 3.0, 0.5
 _NEXT_TO_JUMP = 1e-3  # of the distance covered in three periods
-_STRAIGHT = 1e-12
+_STRAIGHT, _EVEN = 1e-12, 1e-10
 _UNREACHED = 1.01  # times the acceleration at which the largest feed is reached
 _BESIDE = 1e-3  # of a cell
 # Two rounded numbers u, 4 eps apart, make the third derivative of a quintic over a time h uncertain by 240 eps |u| / h^3,
@@ -44,7 +44,7 @@ NOISE = 1e-3  # share of the jerk limits that rounding may take
 _ON_BREAK = 4.0 * float(np.finfo(np.float64).eps)
 _CLOSE = 0.01  # of a phase
 # The quintics' errors against the jerk limits and the largest feed; the command is met within a margin for the latter.
-_HALVINGS, _JERK_ERROR, _FEED_ERROR, _FEED_MARGIN = 16, 1e-4, 3e-8, 1e-7
+_HALVINGS, _JERK_ERROR, _FEED_ERROR, _FEED_MARGIN = 16, 1e-4, 5e-9, 1e-7
 _CHECK_POINTS = 9
 _SIDES: tuple[Side, Side] = ("left", "right")
 
@@ -56,10 +56,10 @@ class ArcPath:
     ``command`` the feed commanded; ``s (n + 1,)`` grid points; ``rows, slopes (n, 6, axes)``: t/V, t/A, k/A, t/J, 3k/J,
     z/J at a cell's left end and their change across it; ``cap (n,)`` of the feed by command, chord and curvature jumps;
     ``limit (n + 1,)`` the limit curve, that is the largest feed at a = J = 0, ``cruise (n,)`` its lowest value in each
-    cell; ``curved (n,)`` 0 where the path is straight, else 1; ``tops (4,)`` the largest feed, accelerations up and down,
-    and jerk anywhere; ``jumps`` places of the curvature jumps that limit the feed; ``shortest`` a time over which double
-    precision still holds a jerk, s; ``trials`` the places at which a ramp is to be tried, dense where the limits vary,
-    and on both sides of every break.
+    cell; ``curved (n,)`` 0 where the path is straight and u even along it, else 1; ``tops (4,)`` the largest feed,
+    accelerations up and down, and jerk anywhere; ``jumps`` places of the curvature jumps that limit the feed;
+    ``shortest`` a time over which double precision still holds a jerk, s; ``trials`` the places at which a ramp is to be
+    tried, dense where the limits vary, and on both sides of every break.
     """
 
     command: float
@@ -151,23 +151,25 @@ def describe(curve: Curve, limits: Limits, u_start: float, u_end: float, fastest
     even = np.linspace(u_start, u_end, _EVEN_POINTS + 1)
     u = np.concatenate([even, panels.reshape(-1), [b.u for b in inside], length.u(at_s)])
     arc_derivatives_of_axes(curve, np.clip(u, u_start, u_end), "right")  # before points of equal s, where it rests, go
-    for _ in range(_PASSES):
+    for remaining in reversed(range(_PASSES)):
         u = np.unique(np.clip(u, u_start, u_end))
         u = u[np.append(True, np.diff(length.s(u)) > 1e-15 * s1)]
         s = length.s(u)
         middle = 0.5 * (s[1:] + s[:-1])
         near = np.searchsorted(np.sort(jumps - reach), middle) > np.searchsorted(np.sort(jumps + reach), middle)
         jerk_share = np.where(near, _JERK_NEAR_STEP, 1.0)
-        rows, caps, limit = _limit_rows(curve, limits, u[:-1], "right", jerk_share)
-        end_rows, end_caps, end_limit = _limit_rows(curve, limits, u[1:], "left", jerk_share)
+        (rows, caps, limit), (end_rows, end_caps, end_limit) = (
+            _limit_rows(curve, limits, at, side, jerk_share) for at, side in _cell_ends(u)
+        )
         slopes = end_rows - rows
         turns = np.abs(slopes[:, [0, 1, 3]]) > 2.0 * _CHANGE * np.abs(rows[:, [0, 1, 3]]).max(axis=0)
         with np.errstate(invalid="ignore"):
             far = np.abs(end_limit - limit) > _CHANGE * np.minimum(limit, end_limit)
         far |= turns.any(axis=(1, 2))
-        if not far.any() or u.size + np.count_nonzero(far) > _MAX_GRID:
+        if not far.any() or remaining == 0 or u.size + np.count_nonzero(far) > _MAX_GRID:
             break
         u = np.append(u, 0.5 * (u[:-1] + u[1:])[far])
+    speeds = [np.sqrt(np.sum(curve.tip.derivatives(x, 1, side=y)[1] ** 2, axis=-1)) for x, y in _cell_ends(u)]
     cap, at = np.minimum(caps, end_caps), np.searchsorted(s, jumps)
     np.minimum.at(cap, np.append(at - 1, at), np.append(jump_feed, jump_feed))
     cruise = np.minimum.reduce([limit, end_limit, cap])
@@ -177,11 +179,18 @@ def describe(curve: Curve, limits: Limits, u_start: float, u_end: float, fastest
     v, a, _, j = tops
     units = np.array([v, a, v * v, j, v * a, v**3])[:, None]
     bend = np.append(np.abs(slopes * units), np.abs(rows * units)[:, [2, 4, 5]], axis=1)
-    curved = (bend > _STRAIGHT).any(axis=(1, 2)).astype(np.float64)
+    # Where |p'| varies, the quintics in u are as inexact on a straight path as on a bend.
+    uneven = np.ptp(np.stack(speeds), axis=0) > _EVEN * speeds[0]
+    curved = ((bend > _STRAIGHT).any(axis=(1, 2)) | uneven).astype(np.float64)
     # On a straight path, which is planned to the optimum, every phase is kept.
     shortest = float(np.cbrt(_DIGITS * s1 * np.abs(rows[:, 3]).max() / NOISE)) if curved.any() else 0.0
     both, cruise = np.minimum(both, v), np.minimum(cruise, v)
     return ArcPath(limits.feed, s, rows, slopes, cap, both, cruise, curved, tops, jumps[jump_feed < v], shortest, s)
+
+
+def _cell_ends(u: FloatArray) -> tuple[tuple[FloatArray, Side], tuple[FloatArray, Side]]:
+    """Left and right ends of the cells between grid points, and the side from which the curve is taken there."""
+    return (u[:-1], "right"), (u[1:], "left")
 
 
 def _limit_rows(
