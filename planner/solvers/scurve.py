@@ -22,9 +22,10 @@ Feasible, because no plan leaves but through the check of step 5.  On a straight
 the time-optimal one.
 
 Limitations.  The acceleration returns to zero at every node, and the jerk of a ramp is one number whatever the axes
-would allow along it: 1 to 10 % above the optimum where acceleration rules, 30 % where jerk rules all along (the five-axis
-flank path).  The search is local.  No bound on the time comes with it.  Where the tip rests while rotary axes move,
-there is no arc length to plan along.
+would allow along it: up to 10 % above the optimum where acceleration rules, 30 % where jerk rules (the five-axis flank
+path, bends of hundredths of a millimetre).  The search is local: another machine's rounding may move a duration by 1 %.
+No bound on the time comes with it.  Where the tip rests while rotary axes move, there is no arc length to plan along;
+bends of a few nanometres are corners in all but name, and may end in a SolverError.
 """
 
 from __future__ import annotations
