@@ -12,13 +12,15 @@ from typing import Any
 
 import numpy as np
 
-from planner.constraints import path_at
+from planner.constraints import acceleration_rows, path_at, speed_cap
 from planner.errors import InfeasibleError, SolverError
 from planner.geometry.curve import FloatArray
 from planner.grid import place_knots, scan, with_blends
 from planner.law import TimeNodes
-from planner.limits import Limits, chord_feed_limit
+from planner.limits import Limits
 from planner.sections import Section
+
+_FASTEST = 1e4  # in units of the section over its expected duration; stands for no bound
 
 
 def plan_section(section: Section, limits: Limits, intervals: int) -> tuple[TimeNodes, float, dict[str, Any]]:
@@ -52,7 +54,8 @@ def plan_section(section: Section, limits: Limits, intervals: int) -> tuple[Time
     single = np.append(np.diff(grid.sigma) > 0.0, True)
     sigma = (blended.rest_map(grid.sigma)[0] - plain.y_start)[single]
     u = grid.u[single]
-    x = _solve(plain, limits, sigma, u)
+    expected = float(np.sum(2.0 * np.diff(guess.length) / (guess.feed[1:] + guess.feed[:-1])))
+    x = _solve(plain, limits, sigma, u, expected)
     h = np.diff(sigma)
     speed = np.sqrt(x)
     t = np.concatenate([[0.0], np.cumsum(2.0 * h / (speed[1:] + speed[:-1]))])
@@ -67,21 +70,26 @@ def plan_section(section: Section, limits: Limits, intervals: int) -> tuple[Time
     return nodes, float(t[-1]), stats
 
 
-def _solve(section: Section, limits: Limits, sigma: FloatArray, u: FloatArray) -> FloatArray:
-    """Run toppra on a scaled coordinate; returns x = sigma_dot^2 at the grid points."""
+def _solve(section: Section, limits: Limits, sigma: FloatArray, u: FloatArray, unit: float) -> FloatArray:
+    """Run toppra on sigma over [0, 1] and times in ``unit``; returns x = sigma_dot^2 at the grid points.
+
+    In these units everything is about 1: toppra bounds its own variables by 1e8, which would slow down a path of
+    micrometres without a word.
+    """
     import toppra
     from toppra import algorithm, constraint, interpolator
+    from toppra.constraint import linear_constraint
 
     toppra.setup_logging("ERROR")
     span = float(sigma[-1])
+    points = path_at(section, limits, sigma, u, u >= section.u_end)
+    top = np.minimum(np.sqrt(speed_cap(limits, points)) * unit / span, _FASTEST)
+    rows = acceleration_rows(limits, points)
+    gridpoints = sigma / span
+    gridpoints[-1] = 1.0
 
-    class ScaledPath(interpolator.AbstractGeometricPath):  # type: ignore[misc]
-        """The section over [0, 1] for toppra."""
-
-        def __call__(self, path_positions: FloatArray, order: int = 0) -> FloatArray:
-            at = np.atleast_1d(np.asarray(path_positions, dtype=np.float64)) * span
-            values = path_at(section, limits, at, _exact(at, sigma, u), at >= span).axes[order] * span**order
-            return values if np.ndim(path_positions) else values[0]
+    class Interval(interpolator.AbstractGeometricPath):  # type: ignore[misc]
+        """The range of the coordinate, which is all that toppra needs to know here."""
 
         @property
         def dof(self) -> int:
@@ -91,42 +99,32 @@ def _solve(section: Section, limits: Limits, sigma: FloatArray, u: FloatArray) -
         def path_interval(self) -> FloatArray:
             return np.array([0.0, 1.0])
 
-        @property
-        def waypoints(self) -> None:
-            return None
-
-    constraints: list[Any] = []
-    if np.isfinite(limits.acceleration).any():
-        bound = np.where(np.isfinite(limits.acceleration), limits.acceleration, 1e12)
-        constraints.append(constraint.JointAccelerationConstraint(np.stack([-bound, bound], axis=1)))
-        constraints[-1].set_discretization_type(constraint.DiscretizationType.Interpolation)
-    points = path_at(section, limits, sigma, u, u >= section.u_end)
-    feed = np.minimum(limits.feed, chord_feed_limit(points.curvature, limits))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        top = np.fmin(feed / points.tip[1], np.fmin.reduce(limits.velocity / np.abs(points.axes[1]), axis=1))
-    top = np.minimum(np.nan_to_num(top, nan=np.inf), 1e6 * span)
-    gridpoints = sigma / span
-    gridpoints[-1] = 1.0
-    caps = top / span
-
-    class SpeedCap(constraint.LinearConstraint):  # type: ignore[misc]
-        """sigma_dot below a cap at every grid point, handed over as it is."""
+    class GivenRows(constraint.LinearConstraint):  # type: ignore[misc]
+        """The planner's own rows |alpha x + beta a| <= 1 and caps, handed over as they are."""
 
         def __init__(self) -> None:
             super().__init__()
             self.identical = True
 
         def compute_constraint_params(self, path: Any, gridpoints: FloatArray, *args: Any, **kwargs: Any) -> Any:
-            xbound = np.stack([np.zeros_like(caps), caps**2], axis=1)
-            return None, None, None, None, None, None, xbound
+            xbound = np.stack([np.zeros_like(top), top**2], axis=1)
+            if len(rows) == 0:
+                return None, None, None, None, None, None, xbound
+            alpha, beta = rows[:, 0].T * (span / unit) ** 2, rows[:, 1].T * span / unit**2
+            both = np.concatenate([np.eye(len(rows)), -np.eye(len(rows))])
+            # "interpolation": each holds at both ends of an interval
+            given = (beta, alpha, np.zeros_like(alpha), both, np.ones(2 * len(rows)), xbound, None)
+            *canonical, xbound, ubound = linear_constraint.canlinear_colloc_to_interpolate(
+                *given, gridpoints, identical=True
+            )
+            return *canonical, ubound, xbound
 
         def get_dof(self) -> int:
             return section.curve.dim
 
-    constraints.append(SpeedCap())
-    problem = algorithm.TOPPRA(constraints, ScaledPath(), gridpoints=gridpoints, solver_wrapper="seidel")
+    problem = algorithm.TOPPRA([GivenRows()], Interval(), gridpoints=gridpoints, solver_wrapper="seidel")
     ends = [
-        0.0 if feed is None or np.isnan(feed) else feed / points.tip[1, at] / span
+        0.0 if feed is None or np.isnan(feed) else feed / points.tip[1, at] * unit / span
         for feed, at in ((section.start_feed, 0), (section.end_feed, -1))
     ]
     problem.compute_parameterization(*ends)
@@ -138,11 +136,4 @@ def _solve(section: Section, limits: Limits, sigma: FloatArray, u: FloatArray) -
                 f"{section.end_feed or 0.0:g} mm/s keeps the acceleration limits: {problem.problem_data.return_code}"
             )
         raise SolverError(f"toppra found no plan: {problem.problem_data.return_code}")
-    return np.asarray((sd * span) ** 2)
-
-
-def _exact(at: FloatArray, sigma: FloatArray, u: FloatArray) -> FloatArray:
-    """Curve parameters at points of the grid, exact on breaks."""
-    index = np.clip(np.searchsorted(sigma, at * (1.0 - 1e-12)), 0, sigma.size - 1)
-    near = np.abs(sigma[index] - at) <= 1e-12 * sigma[-1]
-    return np.where(near, u[index], np.interp(at, sigma, u))
+    return np.asarray((sd * span / unit) ** 2)
