@@ -19,7 +19,7 @@ import numpy as np
 from planner.bounds import without_jerk
 from planner.constraints import Constraints, Path, build
 from planner.errors import InfeasibleError, InputError, SolverError
-from planner.geometry.curve import Curve, FloatArray
+from planner.geometry.curve import Curve, FloatArray, arc_derivatives
 from planner.grid import Grid, Scan, place_knots, scan, split, with_blends
 from planner.law import SpeedLaw, TimeNodes, Utilisation, utilisation
 from planner.limits import Limits, feedrate_limits
@@ -45,7 +45,9 @@ _TOO_COARSE = 1.004
 _MARGIN_STEP = 2e-5
 _MAX_ROUNDS = 6
 # Slowing down is measured at points; the peaks between them are higher by less than this.
-_PEAK_MARGIN = 2e-8
+_PEAK_MARGIN = 2e-6
+_MET = 1.0 + 2e-8
+_ALMOST_MET = 1.0 + 1e-6
 _PRESCRIBED_MARGIN = 2e-6
 # An interior point needs room above a feed that is prescribed at its limit.
 _PRESCRIBED_ROOM = 1e-9
@@ -156,6 +158,11 @@ def plan_feedrate(
     began = time.perf_counter()
     _validate(curve, limits, method, start_feed, end_feed, periodic, budget, intervals)
     sections = cut(curve, limits, start_feed, end_feed, exact_stop=exact_stop, periodic=periodic)
+    if periodic and len(sections) > 1:
+        raise InputError(
+            f"periodic = True cannot pass the exact stop of {curve.name} at u = {sections[1].u_start:.6g}: let the curve "
+            "begin there and plan it from stop to stop"
+        )
     plans = []
     total = sum(section.u_end - section.u_start for section in sections)
     for i, section in enumerate(sections):
@@ -195,6 +202,8 @@ def _validate(
     if periodic:
         if method not in {"optimal", "nlp"}:
             raise InputError(f"periodic = True is planned by the methods optimal and nlp, not by {method!r}")
+        if not (np.isfinite(limits.jerk).any() or np.isfinite(limits.tangential_jerk)):
+            raise InputError("periodic = True needs a jerk limit; without one toppra plans from rest to rest")
         _require_closed(curve, start_feed, end_feed)
     for name, feed, u in (("start_feed", start_feed, curve.domain[0]), ("end_feed", end_feed, curve.domain[1])):
         if not (np.isfinite(feed) and feed >= 0.0):
@@ -219,6 +228,13 @@ def _require_closed(curve: Curve, start_feed: float, end_feed: float) -> None:
     turn = float(np.abs(directions[1] - directions[0]).max())
     if turn > 1e-8:
         raise InputError(f"periodic = True needs a smooth seam; the tangent of {curve.name} turns by {turn:.3g} there")
+    bends = [arc_derivatives(end[:, None])[2, 0] for end in ends]
+    jump = float(np.abs(bends[1] - bends[0]).max())
+    if jump > 1e-6 * max(float(np.abs(bends).max()), 1.0 / size):
+        raise InputError(
+            f"periodic = True needs a smooth seam; the curvature of {curve.name} jumps by {jump:.4g} 1/mm there: let the "
+            "curve begin elsewhere"
+        )
 
 
 def _plan_section(
@@ -278,12 +294,13 @@ def _solve_and_refine(
         # A slower clock would change a prescribed feed; there the limits are tightened until they are met as they are.
         kappa = 1.0 if task.prescribed else max(1.0, slowdown * (1.0 + _PEAK_MARGIN))
         duration = kappa * float(nodes.t[-1])
-        if best is None or task.prescribed or duration < best.nodes.t[-1]:
+        better = best is None or (slowdown < best.stats["slowdown"] if task.prescribed else duration < best.nodes.t[-1])
+        if better:
             stats = {"status": solution.status, "iterations": solution.iterations, "gap": solution.gap}
             stats |= {"residual": solution.residual, "intervals": stage.grid.intervals, "slowdown": slowdown}
             stats |= {"rounds": round_ + 1, "solve_cpu_s": spent, "saved_by_one_percent": stage.worth(task, solution)}
             best = SectionPlan(nodes.dilated(kappa), np.nan, stats)
-        accepted = slowdown <= (1.0 + _PEAK_MARGIN if task.prescribed else _ACCEPTED_SLOWDOWN)
+        accepted = slowdown <= (_MET if task.prescribed else _ACCEPTED_SLOWDOWN)
         if accepted or time.perf_counter() > deadline:
             break
         if slowdown > _TOO_COARSE and intervals is None:
@@ -294,6 +311,12 @@ def _solve_and_refine(
             stage = replace(stage, margins=stage.margins.raised(used, stage.grid))
     if best is None:
         raise SolverError("no round of refinement was run")
+    if task.prescribed and best.stats["slowdown"] > _ALMOST_MET:
+        raise SolverError(
+            f"the plan from start_feed = {section.start_feed or 0.0:g} to end_feed = {section.end_feed or 0.0:g} mm/s "
+            f"still exceeds its limits, {best.stats['slowdown']:.6g} times as fast as allowed; try other feeds or more "
+            "intervals"
+        )
     bound = without_jerk(section, limits, stage.grid)[1]
     best.stats["solve_cpu_s"] = spent
     return replace(best, lower_bound=min(bound, float(best.nodes.t[-1])))

@@ -5,7 +5,7 @@ from time import perf_counter
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import Phase, assume, given, settings
 from hypothesis import strategies as st
 from strategies import insert_knot, random_nurbs
 
@@ -114,7 +114,7 @@ def test_the_axis_that_needs_longest_decides_on_a_slanted_line():
 def test_a_circle_run_continuously(feed):
     circle = FormulaCurve({"X": "20*cos(u)", "Y": "20*sin(u)"}, (0.0, 2.0 * np.pi))
     profile = plan_feedrate(circle, limits_of(feed), periodic=True)
-    assert profile.duration == pytest.approx(40.0 * np.pi / feed, rel=2e-6)
+    assert profile.duration == pytest.approx(40.0 * np.pi / feed, rel=5e-6)
     assert profile.feed == pytest.approx(np.full(profile.feed.size, feed), rel=1e-5)
 
 
@@ -263,6 +263,7 @@ def test_a_start_is_a_positive_spline_with_the_ends_asked_for(name):
 # ---- what must not change the plan ---------------------------------------------------------------------------------
 
 SEEDS = st.integers(0, 2000)
+NO_SHRINKING = (Phase.explicit, Phase.generate)  # a smaller seed is not a simpler path
 
 
 def random_case(seed):
@@ -283,14 +284,14 @@ def duration(curve, limits, **options):
     return plan_feedrate(curve, limits, **options).duration
 
 
-@settings(max_examples=6)
+@settings(max_examples=6, phases=NO_SHRINKING)
 @given(SEEDS)
 def test_reversing_the_path_leaves_the_duration(seed):
     curve, limits = random_case(seed)
     assert duration(reversed_nurbs(curve), limits) == pytest.approx(duration(curve, limits), rel=5e-4)
 
 
-@settings(max_examples=6)
+@settings(max_examples=6, phases=NO_SHRINKING)
 @given(SEEDS, st.floats(0.05, 0.95))
 def test_inserting_a_knot_leaves_the_duration(seed, u):
     curve, limits = random_case(seed)
@@ -298,7 +299,7 @@ def test_inserting_a_knot_leaves_the_duration(seed, u):
     assert duration(insert_knot(curve, u), limits) == pytest.approx(duration(curve, limits), rel=5e-4)
 
 
-@settings(max_examples=6)
+@settings(max_examples=6, phases=NO_SHRINKING)
 @given(SEEDS, st.sampled_from([1e-4, 3.0, 1e4]), st.sampled_from([-5.0, 0.0, 1.0]))
 def test_an_affine_change_of_the_parameter_leaves_the_duration(seed, factor, shift):
     curve, limits = random_case(seed)
@@ -306,7 +307,7 @@ def test_an_affine_change_of_the_parameter_leaves_the_duration(seed, factor, shi
     assert duration(moved, limits) == pytest.approx(duration(curve, limits), rel=2e-5)
 
 
-@settings(max_examples=6)
+@settings(max_examples=6, phases=NO_SHRINKING)
 @given(SEEDS, st.sampled_from([-18, -6, 12]))
 def test_another_unit_of_length_leaves_the_plan(seed, power):
     curve, limits = random_case(seed)
@@ -327,7 +328,7 @@ def test_millimetres_to_kilometres_or_micrometres(factor):
     assert duration(scaled, other) == pytest.approx(duration(curve, limits_of(chord_error=1e-3)), rel=1e-6)
 
 
-@settings(max_examples=4)
+@settings(max_examples=4, phases=NO_SHRINKING)
 @given(SEEDS, st.sampled_from([0.125, 64.0]))
 def test_slower_in_proportion_takes_as_much_longer(seed, k):
     curve, limits = random_case(seed)
@@ -342,7 +343,7 @@ def test_slower_in_proportion_takes_as_much_longer(seed, k):
     assert duration(curve, slow) == pytest.approx(k * duration(curve, limits), rel=1e-6)
 
 
-@settings(max_examples=6)
+@settings(max_examples=6, phases=NO_SHRINKING)
 @given(SEEDS, st.sampled_from(["feed", "velocity", "acceleration", "jerk", "chord_error"]), st.floats(1.05, 3.0))
 def test_a_wider_limit_costs_no_time(seed, which, factor):
     curve, limits = random_case(seed)
@@ -351,7 +352,7 @@ def test_a_wider_limit_costs_no_time(seed, which, factor):
     assert duration(curve, wider) <= duration(curve, limits) * (1.0 + 5e-4)
 
 
-@settings(max_examples=3)
+@settings(max_examples=3, phases=NO_SHRINKING)
 @given(SEEDS)
 def test_the_same_input_gives_the_same_bits(seed):
     curve, limits = random_case(seed)
@@ -376,7 +377,7 @@ def require_feasible(curve, limits, profile, tightest=0.99):
     assert profile.lower_bound <= profile.duration * (1.0 + 1e-9)
 
 
-@settings(max_examples=12)
+@settings(max_examples=12, phases=NO_SHRINKING)
 @given(SEEDS)
 def test_plans_of_random_paths_are_feasible(seed):
     curve, limits = random_case(seed)
@@ -388,6 +389,7 @@ def test_plans_of_random_paths_are_feasible(seed):
 @pytest.mark.slow
 @pytest.mark.parametrize("degree", [2, 3, 4, 5])
 def test_plans_of_many_random_paths_are_feasible(degree):
+    broken = []
     for seed in range(100):
         rng = np.random.default_rng(seed)
         dim = int(rng.integers(2, 6))
@@ -395,10 +397,9 @@ def test_plans_of_many_random_paths_are_feasible(degree):
         rows = rng.uniform(50.0, 400.0, dim), rng.uniform(300.0, 3000.0, dim), rng.uniform(5e3, 6e4, dim)
         limits = Limits(float(rng.choice([60.0, 200.0, FREE])), *rows, period=float(rng.choice([1e-3, 4e-3])))
         profile = plan_feedrate(curve, limits)
-        report = check(curve, limits, profile)
-        assert report.ok, (seed, str(report))
-        report = check(curve, limits, replay(curve, profile))
-        assert report.ok, (seed, str(report))
+        for report in (check(curve, limits, profile), check(curve, limits, replay(curve, profile))):
+            broken += [(seed, row.limit, row.axis, row.ratio) for row in report.rows if not row.ok]
+    assert broken == []
 
 
 @pytest.mark.parametrize("spans", [10, 40, 160, 640, 1280])
@@ -464,7 +465,7 @@ def test_jumps_pass_within_their_share_of_the_jerk():
 # ---- ends ----------------------------------------------------------------------------------------------------------
 
 
-@settings(max_examples=8)
+@settings(max_examples=8, phases=NO_SHRINKING)
 @given(SEEDS, st.floats(0.1, 1.0), st.one_of(st.just(0.0), st.floats(0.1, 1.0)))
 def test_feeds_at_the_ends_are_kept_exactly(seed, start, end):
     curve, limits = random_case(seed)

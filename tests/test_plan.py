@@ -11,6 +11,7 @@ from planner import (
     InfeasibleError,
     InputError,
     Limits,
+    SolverError,
     certify,
     check,
     load_curve,
@@ -341,3 +342,64 @@ def test_plans_are_proven_global_optima(name: str, scale: float) -> None:
         curve, limits = load_curve(name, scale=scale), plane(feed)
         profile = plan_feedrate(curve, limits)
         assert 0.0 <= 1.0 - certify(curve, limits, profile) / profile.duration <= 5e-4
+
+
+def racetrack() -> Curve:
+    """Two lines and four quarter circles, entered where a line meets an arc."""
+    w = np.sqrt(0.5)
+    points = [
+        [0, 0],
+        [15, 0],
+        [30, 0],
+        [40, 0],
+        [40, 10],
+        [40, 20],
+        [30, 20],
+        [15, 20],
+        [0, 20],
+        [-10, 20],
+        [-10, 10],
+        [-10, 0],
+        [0, 0],
+    ]
+    return NurbsCurve(
+        points,
+        [0, 0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 5, 5, 6, 6, 6],
+        2,
+        [1, 1, 1, w, 1, w, 1, 1, 1, w, 1, w, 1],
+        name="racetrack",
+    )
+
+
+def test_a_seam_at_which_the_curvature_jumps_cannot_be_periodic() -> None:
+    with pytest.raises(InputError, match=r"curvature of racetrack jumps by 0\.1 1/mm there"):
+        plan_feedrate(racetrack(), plane(), periodic=True)
+
+
+def test_a_closed_path_with_a_corner_cannot_be_periodic() -> None:
+    square = NurbsCurve(
+        [[5, 0], [10, 0], [10, 10], [0, 10], [0, 0], [5, 0]], [0, 0, 1, 2, 3, 4, 5, 5], 1, name="square"
+    )
+    with pytest.raises(InputError, match="cannot pass the exact stop of square at u = 1"):
+        plan_feedrate(square, plane(), periodic=True)
+
+
+def test_a_periodic_plan_needs_a_jerk_limit() -> None:
+    with pytest.raises(InputError, match="needs a jerk limit"):
+        plan_feedrate(load_curve("circle"), plane(jerk=[np.inf] * 2), periodic=True)
+
+
+@pytest.mark.parametrize("end", [1e-5, 1e-3, 1e-2, 0.1, 1.0])
+def test_a_plan_with_feeds_at_its_ends_keeps_its_limits_or_is_an_error(end: float) -> None:
+    curve = FormulaCurve({"X": "60*u", "Y": "20*sin(3*u)"}, (0.0, 2.0))
+    try:
+        profile = plan_feedrate(curve, plane(), start_feed=10.0, end_feed=end)
+    except (InfeasibleError, SolverError):
+        return  # said, not silently exceeded
+    worst(curve, plane(), profile)
+
+
+def test_progress_is_a_share() -> None:
+    said: list[float | None] = []
+    plan_feedrate(load_curve("butterfly-nurbs"), plane(), progress=lambda text, share: said.append(share))
+    assert all(share is None or 0.0 <= share <= 1.0 for share in said)

@@ -23,7 +23,7 @@ _NODES = 16
 _TOLERANCE = 1e-14
 _SERIES_TOLERANCE = 1e-13
 # A tail that two halvings leave as it was is rounding noise of the speed, if it is no larger than this of the mean.
-_STALL = 0.7
+_STALL = 0.8
 _LARGEST_NOISE = 1e-4
 _PANELS_PER_PIECE = 64
 _FEW_PIECES = 4096

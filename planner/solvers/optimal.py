@@ -195,7 +195,7 @@ def solve(
         elif not status and it.residual < _FEASIBLE and time.perf_counter() > deadline:
             status = "budget"
         if progress is not None:
-            progress("solving", min(1.0, np.log(max(it.gap / it.time, tolerance)) / np.log(tolerance)))
+            progress("solving", max(0.0, min(1.0, np.log(max(it.gap / it.time, tolerance)) / np.log(tolerance))))
     if it.residual > _FEASIBLE:
         raise SolverError(
             f"the interior-point method stopped after {count} iterations ({status}) with a violation of "
