@@ -893,7 +893,7 @@ def _sample_chord(curve: Curve, samples: Samples, u: FloatArray, density: int) -
 def _position_rounding(curve: Curve, u: FloatArray) -> float:
     """What the last digit of u and of the tip's position are worth, mm."""
     d = curve.tip.derivatives(u, 1)
-    return _EPS * float((np.abs(d[0]) + 0.5 * np.abs(d[1] * u[:, None])).max())
+    return _EPS * float((np.abs(d[0]) + 0.5 * np.abs(d[1] * u[:, None])).max(initial=0.0))
 
 
 def _check_samples(curve: Curve, limits: Limits, samples: Samples, density: int, rows: _Rows) -> Report:

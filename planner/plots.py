@@ -114,19 +114,24 @@ def plot_plan(curve: Curve, limits: Limits, profile: FeedrateProfile, samples: S
     motion = _scan(curve, profile)
     with _style():
         figure = Figure(figsize=_SIZE, layout="constrained")
-        grid = figure.add_gridspec(2, 1, height_ratios=(1.0, 1.75))
-        top, bottom = figure.add_subfigure(grid[0]), figure.add_subfigure(grid[1])
         figure.suptitle(_title(profile), x=0.01, ha="left")
-        _draw_path(top, curve, motion)
-        _draw_feed(top.add_subplot(1, 2, 2), curve, limits, motion)
-        over_time = bottom.subplots(4, 1, sharex=True, height_ratios=(1.3, 1.3, 1.0, 1.0))
+        if profile.s[-1] > 0.0:
+            grid = figure.add_gridspec(2, 1, height_ratios=(1.0, 1.75))
+            top, bottom = figure.add_subfigure(grid[0]), figure.add_subfigure(grid[1])
+            _draw_path(top, curve, motion)
+            _draw_feed(top.add_subplot(1, 2, 2), curve, limits, motion)
+        else:  # the tool tip rests: there is no path, no feed and no chord
+            bottom = figure.add_subfigure(figure.add_gridspec(1, 1)[0])
+        rows = 4 if profile.s[-1] > 0.0 else 3
+        over_time = bottom.subplots(rows, 1, sharex=True, height_ratios=(1.3, 1.3, 1.0, 1.0)[:rows])
         _draw_shares(over_time[0], "acceleration", curve, limits, motion)
         _draw_shares(over_time[1], "jerk", curve, limits, motion)
-        _draw_chord_error(over_time[2], curve, limits, profile, samples)
-        _draw_binding(over_time[3], curve, profile)
-        over_time[3].set_xlabel("time, s")
-        over_time[3].set_xlim(0.0, profile.duration)
-        bottom.align_ylabels(over_time[:3])
+        if rows == 4:
+            _draw_chord_error(over_time[2], curve, limits, profile, samples)
+        _draw_binding(over_time[-1], curve, profile)
+        over_time[-1].set_xlabel("time, s")
+        over_time[-1].set_xlim(0.0, profile.duration)
+        bottom.align_ylabels(over_time[:-1])
         # Laid out once: every later drawing would start from the layout before it, and end a little elsewhere.
         figure.draw_without_rendering()
         figure.set_layout_engine("none")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -20,6 +22,7 @@ from planner import (
 )
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
+from planner.plots import plot_plan, save_plot
 
 # s at 100 and 300 mm/s: three independent solvers agree within 1e-4; without jerk limit by toppra
 OPTIMA = {
@@ -403,3 +406,16 @@ def test_progress_is_a_share() -> None:
     said: list[float | None] = []
     plan_feedrate(load_curve("butterfly-nurbs"), plane(), progress=lambda text, share: said.append(share))
     assert all(share is None or 0.0 <= share <= 1.0 for share in said)
+
+
+def test_a_path_of_rotary_axes_alone_is_planned_checked_and_drawn(tmp_path: Path) -> None:
+    points = [[0.0, 0.0], [0.1, 0.3], [0.4, 0.5], [0.9, 0.6], [1.2, 0.2]]
+    curve = NurbsCurve(points, [0, 0, 0, 0, 0.5, 1, 1, 1, 1], 3, axes=["A", "C"], name="table")
+    limits = Limits(100.0, [2.0] * 2, [20.0] * 2, [400.0] * 2, chord_error=1e-3, axes=["A", "C"])
+    profile = plan_feedrate(curve, limits)
+    worst(curve, limits, profile)
+    worst(curve, limits, replay(curve, profile))
+    assert profile.duration - certify(curve, limits, profile) <= 1e-3 * profile.duration
+    save_plot(tmp_path / "table.png", plot_plan(curve, limits, profile))
+    with pytest.raises(InputError, match="the tool tip rests"):
+        plan_feedrate(curve, limits, method="scurve")
