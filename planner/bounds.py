@@ -71,7 +71,7 @@ def without_jerk(section: Section, limits: Limits, grid: Grid) -> tuple[FloatArr
     from planner.solvers.kernels import fastest_without_jerk
 
     plain = replace(section, blend_start=0.0, blend_end=0.0)
-    sigma = section.rest_map(grid.sigma)[0] - plain.y_start
+    sigma = section.position(grid.sigma) - plain.y_start
     sigma[-1] = plain.span
     path = path_at(plain, limits, sigma, grid.u, grid.u >= grid.stretch_end)
     h = np.maximum(np.diff(sigma), 0.0)

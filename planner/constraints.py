@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.geometry.curve import FloatArray
+from planner.geometry.curve import FloatArray, dot
 from planner.grid import STEP_SHARE, Grid, Scan
 from planner.limits import Limits, chord_feed_limit
 from planner.sections import Section, axis_weights, evaluate
@@ -82,13 +82,15 @@ class Constraints:
 class Path:
     """The path at points of sigma: derivatives of the axes, of the tip's arc length, and of u, with respect to sigma.
 
-    ``axes (4, p, dim)``, ``tip (4, p)`` (row 0 unused), ``u (4, p)``, ``curvature (p,)`` of the tip.
+    ``axes (4, p, dim)``, ``tip (4, p)`` (row 0 unused), ``u (4, p)``, ``curvature (p,)`` of the tip; ``rounding (p,)`` by
+    which u is off (see :meth:`Section.rounding`).
     """
 
     axes: FloatArray
     tip: FloatArray
     u: FloatArray
     curvature: FloatArray
+    rounding: FloatArray
 
 
 def path_at(section: Section, limits: Limits, sigma: FloatArray, u: FloatArray, left: NDArray[np.bool_]) -> Path:
@@ -98,10 +100,10 @@ def path_at(section: Section, limits: Limits, sigma: FloatArray, u: FloatArray, 
     q = evaluate(curve, u, left)
     u1, u2, u3 = section.parameter_derivatives(q, axis_weights(limits), rest)
     tip = q if curve.tip is curve else evaluate(curve.tip, u, left)
-    speed = np.sqrt(np.sum(tip[1] ** 2, axis=-1))
+    speed = np.sqrt(dot(tip[1], tip[1]))
     with np.errstate(divide="ignore", invalid="ignore"):
-        s2 = np.where(speed > 0.0, np.sum(tip[1] * tip[2], axis=-1) / speed, 0.0)
-        s3 = np.sum(tip[2] ** 2, axis=-1) + np.sum(tip[1] * tip[3], axis=-1) - s2**2
+        s2 = np.where(speed > 0.0, dot(tip[1], tip[2]) / speed, 0.0)
+        s3 = dot(tip[2], tip[2]) + dot(tip[1], tip[3]) - s2**2
         s3 = np.where(speed > 0.0, s3 / speed, 0.0)
         bend = np.sqrt(np.sum((tip[2] - (s2 / speed)[:, None] * tip[1]) ** 2, axis=-1)) / speed**2
     curvature = np.where(speed > 0.0, np.nan_to_num(bend), 0.0)
@@ -112,7 +114,7 @@ def path_at(section: Section, limits: Limits, sigma: FloatArray, u: FloatArray, 
 
     axes = np.stack([q[0], *chain(q[1], q[2], q[3], (-1, 1))])
     along = np.stack([np.zeros_like(speed), *chain(speed, s2, s3, (-1,))])
-    return Path(axes, along, np.stack([u, u1, u2, u3]), curvature)
+    return Path(axes, along, np.stack([u, u1, u2, u3]), curvature, section.rounding(sigma, u))
 
 
 def build(
@@ -123,7 +125,7 @@ def build(
     h = np.diff(grid.sigma)
     sigma = np.empty(2 * n - 1)
     sigma[0::2], sigma[1::2] = grid.sigma, 0.5 * (grid.sigma[1:] + grid.sigma[:-1])
-    u = section.parameter(section.rest_map(sigma)[0])
+    u = section.parameter(section.position(sigma))
     u[0::2] = grid.u
     empty = 2 * np.flatnonzero(h == 0.0) + 1
     u[empty] = u[empty - 1]
@@ -264,11 +266,10 @@ def _guess(section: Section, grid: Grid, guess: Scan) -> tuple[FloatArray, float
 
     The mean of sigma_dot over an interval is finite at rest, where the ratio of feed and dy/dsigma is 0/0.
     """
-    mean = 0.5 * (guess.feed[1:] + guess.feed[:-1])
-    time = np.concatenate([[0.0], np.cumsum(np.diff(guess.length) / mean)])
+    time = guess.time
     h = np.diff(grid.sigma)
     inner = h > 0.0
-    dt = np.diff(np.interp(section.rest_map(grid.sigma)[0], guess.y, time))
+    dt = np.diff(np.interp(section.position(grid.sigma), guess.y, time))
     floor = 1e-9 * time[-1] / grid.intervals
     rate = (h / np.maximum(dt, floor))[inner]
     centre = (0.5 * (grid.sigma[1:] + grid.sigma[:-1]))[inner]

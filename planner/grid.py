@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InfeasibleError
-from planner.geometry.curve import FloatArray, arc_derivatives
+from planner.geometry.curve import FloatArray, arc_derivatives, curvature, dot
 from planner.limits import Limits, chord_feed_limit
 from planner.sections import BLEND_LENGTH, Section, axis_weights, evaluate
 
@@ -39,6 +39,9 @@ STEP_SHARE = 2.0 / 3.0
 _DIP_SHARE, _DIP_KNOTS = 0.25, 40
 _DIP_LEVELS = 10
 _NARROWEST_DIP = 1e-9  # of the section
+# Share of the jerk limit that rounding may make of nodes close to one another.
+_ROUNDING_SHARE = 1e-3
+_LEAST_RESOLVABLE = 200
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +50,8 @@ class Scan:
 
     ``y`` and ``length`` (weighted arc length) at the samples; ``feed`` the guess and ``ceiling`` the pointwise bound in
     weighted units per s; ``turning`` the accumulated turning angle, rad; ``acceleration`` and ``jerk`` the tangential
-    ones that the axes allow at the samples; ``speed`` the weighted |dq/du|.  ``dips`` are places at which it is held low.
+    ones that the axes allow at the samples; ``speed`` the weighted |dq/du|; ``u`` the curve
+    parameter.  ``dips`` are places at which the feed is held low.
     """
 
     y: FloatArray
@@ -58,7 +62,19 @@ class Scan:
     acceleration: FloatArray
     jerk: FloatArray
     speed: FloatArray
+    u: FloatArray
     dips: Dips
+
+    @property
+    def time(self) -> FloatArray:
+        """Accumulated time at the samples, s."""
+        mean = 0.5 * (self.feed[1:] + self.feed[:-1])
+        return np.concatenate([[0.0], np.cumsum(np.diff(self.length) / mean)])
+
+    @property
+    def duration(self) -> float:
+        """Of the guess, s."""
+        return float(self.time[-1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +137,7 @@ def scan(section: Section, limits: Limits, intervals: int) -> Scan:
     scaled = q.copy()
     scaled[1:] *= weights
     arc = arc_derivatives(scaled)
-    speed = np.sqrt(np.sum(scaled[1] ** 2, axis=-1))
+    speed = np.sqrt(dot(scaled[1], scaled[1]))
     length = _accumulate(speed, u)
     accelerations, jerks = weights * limits.acceleration, weights * limits.jerk
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -129,9 +145,9 @@ def scan(section: Section, limits: Limits, intervals: int) -> Scan:
         ceiling = np.fmin.reduce(weights * limits.velocity / np.abs(arc[1]), axis=1)
         ceiling = np.fmin(ceiling, np.sqrt(np.fmin.reduce(accelerations / np.abs(arc[2]), axis=1)))
         ceiling = np.fmin(ceiling, np.cbrt(np.fmin.reduce(jerks / np.abs(arc[3]), axis=1)))
-        tip = evaluate(curve.tip, u, u >= section.u_end)
-        ratio = np.sqrt(np.sum(tip[1] ** 2, axis=-1)) / speed
-        feed = np.fmin(limits.feed, chord_feed_limit(curve.tip.curvature(u), limits))
+        tip = q if curve.tip is curve else evaluate(curve.tip, u, u >= section.u_end)
+        ratio = np.sqrt(dot(tip[1], tip[1])) / speed
+        feed = np.fmin(limits.feed, chord_feed_limit(curvature(tip), limits))
         ceiling = np.fmin(ceiling, np.where(ratio > 0.0, feed / ratio, np.inf))
         acceleration = np.fmin.reduce(accelerations / np.abs(arc[1]), axis=1)
         acceleration = np.fmin(acceleration, np.where(ratio > 0.0, limits.tangential_acceleration / ratio, np.inf))
@@ -139,10 +155,10 @@ def scan(section: Section, limits: Limits, intervals: int) -> Scan:
         jerk = np.fmin(jerk, np.where(ratio > 0.0, limits.tangential_jerk / ratio, np.inf))
     at = np.searchsorted(y, dips.y)
     ceiling[at] = np.minimum(ceiling[at], dips.feed)
-    kappa = np.sqrt(np.sum(arc[2] ** 2, axis=-1))
+    kappa = np.sqrt(dot(arc[2], arc[2]))
     per_tip_feed = np.divide(1.0, ratio, out=np.full_like(ratio, np.inf), where=ratio > 0.0)
     feed = _reachable(section, ceiling, length, acceleration, jerk, per_tip_feed)
-    return Scan(y, length, feed, ceiling, _accumulate(kappa, length), acceleration, jerk, speed, dips)
+    return Scan(y, length, feed, ceiling, _accumulate(kappa, length), acceleration, jerk, speed, u, dips)
 
 
 def _dips(section: Section, limits: Limits, weights: FloatArray) -> Dips:
@@ -163,7 +179,7 @@ def _dips(section: Section, limits: Limits, weights: FloatArray) -> Dips:
             feed[i] = prescribed / tip * np.sqrt(np.sum(sides[0][1, i] ** 2))
         width = feed**1.5 / (_SCAN_JERK * np.sqrt(np.fmin.reduce(jerks / np.abs(after[1]), axis=1)))
     if section.arc is None:
-        width /= np.sqrt(np.sum(sides[0][1] ** 2, axis=-1))
+        width /= np.sqrt(dot(sides[0][1], sides[0][1]))
     least = _NARROWEST_DIP * (section.y_end - section.y_start)
     return Dips(section.coordinate(u), feed, np.where(np.isfinite(width), np.maximum(width, least), np.inf))
 
@@ -209,18 +225,22 @@ def _reachable(
     for index, prescribed in ((0, section.start_feed), (-1, section.end_feed)):
         at_end = 0.0 if prescribed is None else prescribed * per_tip_feed[index]
         feed[index] = min(feed[index], at_end) if np.isfinite(at_end) else feed[index]
-    growths = ((2.0, 2.0 * _SCAN_ACCELERATION * acceleration), (1.5, _SCAN_JERK * np.sqrt(jerk)))
+    # Powers are taken of shares of the largest feed: the same numbers in any units.
+    top = float(feed[np.isfinite(feed)].max(initial=0.0)) or 1.0
+    share = feed / top
+    growths = ((2.0, 2.0 * _SCAN_ACCELERATION * acceleration / top**2), (1.5, _SCAN_JERK * np.sqrt(jerk / top**3)))
     for power, rate in growths:
         finite = np.isfinite(rate)
         if not finite.any():
             continue
         bounded = np.where(finite, rate, rate[finite].max())
-        growth = np.concatenate([[0.0], np.cumsum(_steps(bounded, length, feed**power))])
-        raised = feed**power
+        growth = np.concatenate([[0.0], np.cumsum(_steps(bounded, length, share**power))])
+        raised = share**power
         raised = np.minimum.accumulate(raised - growth) + growth
         back = growth[-1] - growth[::-1]
         raised = (np.minimum.accumulate(raised[::-1] - back) + back)[::-1]
-        feed = np.maximum(raised, 0.0) ** (1.0 / power)
+        share = np.maximum(raised, 0.0) ** (1.0 / power)
+    feed = share * top
     if not np.isfinite(feed).all():
         raise InfeasibleError(
             f"{section.curve.name}: nothing limits the feed between u = {section.u_start:.9g} and {section.u_end:.9g}; "
@@ -238,9 +258,9 @@ def with_blends(section: Section, guess: Scan) -> Section:
             continue
         distance = guess.length if at == 0 else guess.length[-1] - guess.length
         top = float(guess.feed.max())
+        jerk, most = _at_stop(guess.jerk, at), _at_stop(guess.acceleration, at)
         for _ in range(4):
-            jerk = _at_stop(guess.jerk, at)
-            acceleration = min(_at_stop(guess.acceleration, at), float(np.sqrt(top * jerk)))
+            acceleration = min(most, float(np.sqrt(top * jerk)))
             build_up = acceleration / jerk if np.isfinite(jerk) else 0.0
             width = 0.5 * top * (top / acceleration + build_up)
             top = float(guess.feed[distance <= max(width, distance[1 if at == 0 else -2])].max())
@@ -270,9 +290,8 @@ def place_knots(section: Section, guess: Scan, intervals: int) -> Grid:
     # A break may lie on a sample but for rounding; such a sliver has no density of its own.
     sigma = sigma[np.append(np.diff(sigma) > _SLIVER * span, True)]
     sigma[0] = 0.0
-    y = section.rest_map(sigma)[0]
-    mean = 0.5 * (guess.feed[1:] + guess.feed[:-1])
-    time = np.concatenate([[0.0], np.cumsum(np.diff(guess.length) / mean)])
+    y = section.position(sigma)
+    time = guess.time
     cumulated = _UNIFORM * sigma / span + _TIME * np.interp(y, guess.y, time) / time[-1]
     if guess.turning[-1] > 0.0:
         cumulated += _TURNING * np.interp(y, guess.y, guess.turning) / guess.turning[-1]
@@ -299,6 +318,20 @@ def place_knots(section: Section, guess: Scan, intervals: int) -> Grid:
     return _knots(section, sigma, count)
 
 
+def resolvable(guess: Scan) -> int:
+    """Largest number of intervals of which the nodes still tell a jerk: closer ones differ by rounding.
+
+    A digit e = eps (|u| |dq/du| + v t) in the place of a node and in its time, h between nodes, is 60 e / h^3 of jerk.
+    """
+    time = guess.time
+    digit = np.finfo(float).eps * (np.abs(guess.u) * guess.speed + guess.feed * time)
+    with np.errstate(divide="ignore"):
+        least = np.cbrt(60.0 * digit / (_ROUNDING_SHARE * guess.jerk))
+    per_node = 0.5 * (least[1:] + least[:-1])
+    count = np.sum(np.diff(time)[per_node > 0.0] / (2.0 * per_node[per_node > 0.0]))
+    return int(np.clip(count, _LEAST_RESOLVABLE, 1e9)) if (per_node > 0.0).any() else 10**9
+
+
 def _breaks(section: Section) -> FloatArray:
     """Parameters at which the path is not smooth; even a fourth derivative that jumps puts a kink into the jerk."""
     u = section.curve._candidate_breaks()
@@ -322,7 +355,7 @@ def _knots(section: Section, sigma: FloatArray, count: FloatArray) -> Grid:
 
 def make_grid(section: Section, knots: FloatArray, ends: NDArray[np.intp], breaks: FloatArray) -> Grid:
     """Attach curve parameters to knots; ``ends`` are the last knots of the stretches between the given breaks."""
-    u = section.parameter(section.rest_map(knots)[0])
+    u = section.parameter(section.position(knots))
     starts = np.concatenate([[0], ends[:-1] + 1])
     corners = np.concatenate([[section.u_start], breaks, [section.u_end]])
     u[starts], u[ends] = corners[:-1], corners[1:]

@@ -5,25 +5,27 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, types
 
-F64, I64, NOTHING = types.float64, types.int64, types.void
-READ1, READ2, READ3, READ4 = (types.Array(F64, n, "C", readonly=True) for n in (1, 2, 3, 4))
-WRITE1, WRITE2 = (types.Array(F64, n, "C") for n in (1, 2))
+from planner.geometry.kernels import FLAG, FLAGS2, I64, NOTHING, READ1, READ2, READ3, WRITE2, point_on_pieces
+
+# (breaks, coefficients, rational, resting) of the pieces of a curve
+PIECES = types.Tuple((READ1, READ3, FLAG, FLAGS2))
 
 
-@njit(NOTHING(READ4, READ4, READ3, I64, I64, READ2, READ1, WRITE1), cache=True, error_model="numpy")
-def _shares_at(q, tip, rates, i, p, rows, scalars, out):
-    """Shares of all limits used at point p of interval i: velocities and feed, accelerations, jerks."""
-    dim = q.shape[3]
-    u1, u2, u3 = rates[0, i, p], rates[1, i, p], rates[2, i, p]
+@njit(forceinline=True, error_model="numpy")
+def _shares_at(q, tip, u1, u2, u3, per_limit, scalars, out):
+    """Shares of all limits used at a point: velocities and feed, accelerations, jerks."""
+    dim = q.shape[1]
+    u11 = u1 * u1
+    u111, u12 = u11 * u1, 3.0 * u1 * u2
     for j in range(dim):
-        d1, d2, d3 = q[1, i, p, j], q[2, i, p, j], q[3, i, p, j]
-        out[j] = abs(d1 * u1) / rows[0, j]
-        out[dim + 2 + j] = abs(d2 * u1 * u1 + d1 * u2) / rows[1, j]
-        out[2 * dim + 3 + j] = abs(d3 * u1 * u1 * u1 + 3.0 * d2 * u1 * u2 + d1 * u3) / rows[2, j]
+        d1, d2, d3 = q[1, j], q[2, j], q[3, j]
+        out[j] = abs(d1 * u1) * per_limit[0, j]
+        out[dim + 2 + j] = abs(d2 * u11 + d1 * u2) * per_limit[1, j]
+        out[2 * dim + 3 + j] = abs(d3 * u111 + d2 * u12 + d1 * u3) * per_limit[2, j]
     feed, chord, period, along2, along3 = scalars[0], scalars[1], scalars[2], scalars[3], scalars[4]
     dot11 = dot12 = dot13 = dot22 = 0.0
-    for j in range(tip.shape[3]):
-        d1, d2, d3 = tip[1, i, p, j], tip[2, i, p, j], tip[3, i, p, j]
+    for j in range(tip.shape[1]):
+        d1, d2, d3 = tip[1, j], tip[2, j], tip[3, j]
         dot11 += d1 * d1
         dot12 += d1 * d2
         dot13 += d1 * d3
@@ -36,41 +38,81 @@ def _shares_at(q, tip, rates, i, p, rows, scalars, out):
     s2 = dot12 / s1
     if np.isfinite(chord):
         normal = 0.0
-        for j in range(tip.shape[3]):
-            normal += (tip[2, i, p, j] - s2 / s1 * tip[1, i, p, j]) ** 2
+        for j in range(tip.shape[1]):
+            normal += (tip[2, j] - s2 / s1 * tip[1, j]) ** 2
         if normal > 0.0:
             radius = dot11 / np.sqrt(normal)
             error = min(chord, radius)
             out[dim + 1] = s1 * abs(u1) * period / (2.0 * np.sqrt(error * (2.0 * radius - error)))
-    out[2 * dim + 2] = abs(s1 * u2 + s2 * u1 * u1) / along2
+    out[2 * dim + 2] = abs(s1 * u2 + s2 * u11) / along2
     s3 = (dot22 + dot13 - s2 * s2) / s1
-    out[3 * dim + 3] = abs(s1 * u3 + 3.0 * s2 * u1 * u2 + s3 * u1 * u1 * u1) / along3
+    out[3 * dim + 3] = abs(s1 * u3 + s2 * u12 + s3 * u111) / along3
 
 
-@njit(NOTHING(READ4, READ4, READ3, READ2, READ1, WRITE2), cache=True, error_model="numpy")
-def shares(q, tip, rates, rows, scalars, out):
+@njit(NOTHING(PIECES, PIECES, FLAG, READ2, READ2, I64, READ2, READ1, WRITE2), cache=True, error_model="numpy")
+def shares(axes, tip, cartesian, quintic, spans, points, rows, scalars, out):
     """Write the largest share of speed, acceleration and jerk limits used in each interval into ``out (3, n)``.
 
-    ``q``, ``tip`` (4, n, k, dim): derivatives with respect to u at k equidistant points of each interval;
-    ``rates (3, n, k)``: u', u'', u''' (with respect to time); ``rows (3, dim)``: velocity, acceleration and jerk limits;
-    ``scalars``: feed, chord error, period, tangential acceleration and jerk.  A peak between points is estimated by the
-    parabola through three of them.
+    ``axes``, ``tip``: pieces of the machine axes and of the tool tip, the same ones if ``cartesian``.  On interval i the
+    parameter u is ``quintic[:, i]`` (ascending powers of the time since its start), for ``spans[0, i]`` seconds, between
+    ``spans[1, i]`` and ``spans[2, i]``, on a stretch between breaks that ends at ``spans[3, i]``; a digit of the law is
+    worth ``spans[4, i]`` of u.  It is looked at in ``points`` + 1 equidistant times, and a peak between them is
+    estimated by the parabola through three.  ``rows (3, dim)``: velocity, acceleration and jerk limits; ``scalars``:
+    feed, chord error, period, tangential acceleration and jerk.
     """
-    dim, points = q.shape[3], q.shape[2]
-    count = 3 * dim + 4
+    dim, count = rows.shape[1], 3 * rows.shape[1] + 4
     older, old, new = np.empty(count), np.empty(count), np.empty(count)
-    for i in range(q.shape[1]):
+    per_limit, at_start = 1.0 / rows, np.zeros(3)
+    q = np.empty((4, dim))
+    p = q if cartesian else np.empty((4, tip[1].shape[1] - 1))
+    piece = tip_piece = 0
+    for i in range(spans.shape[1]):
+        h, first, last, stretch_end = spans[0, i], spans[1, i], spans[2, i], spans[3, i]
+        c0, c1, c2, c3, c4, c5 = (
+            quintic[0, i],
+            quintic[1, i],
+            quintic[2, i],
+            quintic[3, i],
+            quintic[4, i],
+            quintic[5, i],
+        )
         out[0, i] = out[1, i] = out[2, i] = 0.0
-        for p in range(points):
-            _shares_at(q, tip, rates, i, p, rows, scalars, new)
+        for n in range(points + 1):
+            w = h * n / points
+            u = min(max(c0 + w * (c1 + w * (c2 + w * (c3 + w * (c4 + w * c5)))), first), last)
+            if n == 0:
+                u = first
+            elif n == points:
+                u = last
+            u1 = c1 + w * (2.0 * c2 + w * (3.0 * c3 + w * (4.0 * c4 + w * 5.0 * c5)))
+            u2 = 2.0 * c2 + w * (6.0 * c3 + w * (12.0 * c4 + w * 20.0 * c5))
+            u3 = 6.0 * c3 + w * (24.0 * c4 + w * 60.0 * c5)
+            # A point that rounds to the end of its stretch must not be read from beyond it.
+            left = u >= stretch_end
+            piece = point_on_pieces(axes[0], axes[1], axes[2], axes[3], u, left, piece, q)
+            if not cartesian:
+                tip_piece = point_on_pieces(tip[0], tip[1], tip[2], tip[3], u, left, tip_piece, p)
+            _shares_at(q, p, u1, u2, u3, per_limit, scalars, new)
+            if n == 0:
+                at_start[:] = 0.0
+                for k in range(3):
+                    for j in range(dim):
+                        at_start[k] = max(at_start[k], abs(q[1, j]) * per_limit[k, j])
             for k in range(count):
                 kind = 0 if k < dim + 2 else (1 if k < 2 * dim + 3 else 2)
                 value = new[k]
-                if p >= 2:
+                if n >= 2:
                     bend, lean = older[k] - 2.0 * old[k] + value, older[k] - value
                     # The vertex is nearest to the middle one, or at an end of the interval to its first or last point.
-                    outer = (p == 2 and lean > 0.0) or (p == points - 1 and lean < 0.0)
+                    outer = (n == 2 and lean > 0.0) or (n == points and lean < 0.0)
                     if bend < 0.0 and abs(lean) <= (-2.0 * bend if outer else -bend):
-                        value = old[k] - (older[k] - value) ** 2 / (8.0 * bend)
+                        value = old[k] - lean * lean / (8.0 * bend)
                 out[kind, i] = max(out[kind, i], value)
                 older[k], old[k] = old[k], new[k]
+        # Half a digit at both ends of a quintic is worth up to 2, 6 and 60 of it over h, h^2 and h^3; nine tenths of
+        # that are granted here, all of it by the check: nothing on a path of metres, all of the jerk at the end of one
+        # of 100 km, where no table in double precision says more.
+        digit = spans[4, i]
+        out[0, i] = max(out[0, i] - 1.8 * digit * at_start[0] / h, 0.0)
+        out[1, i] = max(out[1, i] - 5.4 * digit * at_start[1] / h**2, 0.0)
+        out[2, i] = max(out[2, i] - 54.0 * digit * at_start[2] / h**3, 0.0)

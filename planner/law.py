@@ -19,14 +19,13 @@ from planner.constraints import JERK_BESIDE_STEP, PERIODS_AROUND_STEP, Path
 from planner.geometry.curve import Curve, FloatArray
 from planner.limits import Limits
 from planner.profile import quintic_coefficients
-from planner.sections import evaluate
 
 _GAUSS_POINTS = 8  # on half an interval: the integrand varies little there
-_POINTS_PER_INTERVAL = 10  # an interval of a solver has two nodes' intervals, hence 20 points
+_POINTS_PER_INTERVAL = 5  # an interval of a solver has two nodes' intervals, hence 10 points, and parabolas between
 _DEEPEST_DIP = 1e-4
 _CHUNK = 20_000
 # Intervals this near to the largest slowdown, at most this many, are looked at with this many points.
-_CLOSE, _CLOSEST, _CLOSE_POINTS = 1e-2, 64, 400
+_CLOSE, _CLOSEST, _CLOSE_POINTS = 1e-2, 64, 40
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +40,18 @@ class TimeNodes:
     def dilated(self, factor: float) -> TimeNodes:
         """The same law run ``factor`` times slower."""
         return TimeNodes(self.t * factor, self.u, self.u_rate / factor, self.u_acceleration / factor**2)
+
+    def _keep_forward_at_stops(self) -> None:
+        """Let u not fall back in an interval that ends at rest, where the solver's last digits shape the quintic.
+
+        From rate v and acceleration a to rest over h and a distance D, u' = (h - t)^2 p(t) with a quadratic p whose value
+        at the end has the sign of 20 D - 8 v h - a h^2; likewise, backwards in time, in one that begins at rest.
+        """
+        for rest, inner, sign in ((-1, -2, 1.0), (0, 1, -1.0)):
+            h = abs(self.t[rest] - self.t[inner])
+            if self.u_rate[rest] == 0.0 and h > 0.0:
+                most = (20.0 * abs(self.u[rest] - self.u[inner]) / h - 8.0 * self.u_rate[inner]) / h
+                self.u_acceleration[inner] = sign * min(sign * self.u_acceleration[inner], most)
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,21 +84,32 @@ class SpeedLaw:
         x, a = np.empty(path.u.shape[1]), np.empty(path.u.shape[1])
         x[0::2], x[1::2], a[0::2], a[1::2] = self.x, mid_x, self.a, mid_a
         dt = np.empty(2 * h.size)
-        nodes, weights = np.polynomial.legendre.leggauss(_GAUSS_POINTS)
+        gauss, weights = np.polynomial.legendre.leggauss(_GAUSS_POINTS)
         for half in (0, 1):
-            w = h[:, None] * (0.25 * (nodes + 1.0) + 0.5 * half)
+            w = h[:, None] * (0.25 * (gauss + 1.0) + 0.5 * half)
             cubic = (self.c[1:] - self.c[:-1]) / np.where(h > 0.0, h, 1.0) / 3.0
             inner = self.x[:-1, None] + w * (2.0 * self.a[:-1, None] + w * (self.c[:-1, None] + w * cubic[:, None]))
             # A cubic may dip below 0 between collocation points of a coarse grid; it is slow there, not undefined, and the
             # excess that the quintic shows makes the grid finer.
             np.maximum(inner, _DEEPEST_DIP * np.minimum(self.x[:-1], self.x[1:])[:, None], out=inner)
-            dt[half::2] = 0.25 * h * (inner**-0.5 @ weights)
+            dt[half::2] = 0.25 * h * np.einsum("ij,j->i", 1.0 / np.sqrt(inner), weights)
         t = np.concatenate([[0.0], np.cumsum(dt)])
-        u, u1, u2, _ = path.u
+        u, u1, u2, u3 = path.u
         keep = np.ones(x.size, dtype=bool)
         keep[1::2] = h > 0.0  # the midpoint of an empty interval is no node of its own
         rate, acceleration = u1 * np.sqrt(x), u2 * x + u1 * a
-        return TimeNodes(t[keep], u[keep], rate[keep], acceleration[keep])
+        # Where rounding moved u, the node is the moment at which the law has the rounded u.
+        off = np.flatnonzero((path.rounding != 0.0) & (rate > 0.0))
+        c = np.empty(x.size)
+        c[0::2], c[1::2] = self.c, 0.5 * (self.c[:-1] + self.c[1:])
+        later = path.rounding[off] / rate[off]
+        t[off] += later
+        rate[off] += later * acceleration[off]
+        jerk = u3[off] * x[off] + 3.0 * u2[off] * a[off] + u1[off] * c[off]
+        acceleration[off] += later * jerk * np.sqrt(x[off])
+        nodes = TimeNodes(t[keep], u[keep], rate[keep], acceleration[keep])
+        nodes._keep_forward_at_stops()
+        return nodes
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,44 +162,24 @@ def _beside_steps(curve: Curve, limits: Limits, nodes: TimeNodes) -> NDArray[np.
 def _chunk(
     curve: Curve, limits: Limits, nodes: TimeNodes, index: NDArray[np.intp], end: FloatArray, points: int
 ) -> FloatArray:
+    """Largest shares of the limits used in the intervals ``index``, (3, n), at this many points of each."""
     from planner.kernels import shares
 
     h = nodes.t[index + 1] - nodes.t[index]
-    c = quintic_coefficients(
+    quintic = quintic_coefficients(
         h,
         (nodes.u[index], nodes.u_rate[index], nodes.u_acceleration[index]),
         (nodes.u[index + 1], nodes.u_rate[index + 1], nodes.u_acceleration[index + 1]),
-    )[:, :, None]
-    w = h[:, None] * np.linspace(0.0, 1.0, points + 1)
-    u = c[0] + w * (c[1] + w * (c[2] + w * (c[3] + w * (c[4] + w * c[5]))))
-    u1 = c[1] + w * (2.0 * c[2] + w * (3.0 * c[3] + w * (4.0 * c[4] + w * 5.0 * c[5])))
-    u2 = 2.0 * c[2] + w * (6.0 * c[3] + w * (12.0 * c[4] + w * 20.0 * c[5]))
-    u3 = 6.0 * c[3] + w * (24.0 * c[4] + w * 60.0 * c[5])
-    np.clip(u, nodes.u[index, None], nodes.u[index + 1, None], out=u)
-    u[:, 0], u[:, -1] = nodes.u[index], nodes.u[index + 1]
-    # A point that rounds to the end of its stretch between breaks must not be read from beyond it.
-    beyond = u >= end[:, None]
-    q = evaluate(curve, u, beyond)
-    # The tip of a machine with rotary axes is a selection of columns, which numpy lays out in another order.
-    tip = q if curve.tip is curve else np.ascontiguousarray(evaluate(curve.tip, u, beyond))
-    rows = np.concatenate([limits.velocity, limits.acceleration, limits.jerk])
+    )
+    digit = np.finfo(float).eps * (np.abs(nodes.u[index + 1]) + np.abs(nodes.u_rate[index]) * nodes.t[index + 1])
+    spans = np.stack([h, nodes.u[index], nodes.u[index + 1], end, digit])
+    rows = np.stack([limits.velocity, limits.acceleration, limits.jerk])
     scalars = np.array(
         [limits.feed, limits.chord_error, limits.period, limits.tangential_acceleration, limits.tangential_jerk]
     )
     out = np.empty((3, index.size))
-    shares(q, tip, np.stack([u1, u2, u3]), rows.reshape(3, -1), scalars, out)
-    return np.maximum(out - _rounding(limits, nodes, index, q[1, :, 0], h), 0.0)
-
-
-def _rounding(
-    limits: Limits, nodes: TimeNodes, index: NDArray[np.intp], slope: FloatArray, h: FloatArray
-) -> FloatArray:
-    """Share of the limits that the rounding of t and u alone makes of a quintic of duration h, (3, n).
-
-    Half a digit of u at both ends is worth up to 2, 6 and 60 of it over h, h^2 and h^3 (nine tenths of that are granted
-    here, all of it by the check): nothing on a path of metres, all
-    of the jerk at the end of one of 100 km, where no table in double precision says more.
-    """
-    digit = np.finfo(float).eps * (np.abs(nodes.u[index + 1]) + np.abs(nodes.u_rate[index]) * nodes.t[index + 1])
-    share = [np.max(np.abs(slope) / row, axis=1) for row in (limits.velocity, limits.acceleration, limits.jerk)]
-    return np.stack([1.8 * share[0] / h, 5.4 * share[1] / h**2, 54.0 * share[2] / h**3]) * digit
+    axes, tip = (
+        (part.breaks, part.coefficients, part.rational, part.resting) for part in (curve.pieces, curve.tip.pieces)
+    )
+    shares(axes, tip, curve.tip is curve, quintic, spans, points, rows, scalars, out)
+    return out

@@ -1,108 +1,28 @@
-"""Plan a feedrate: validate, cut at the stops, solve each section, refine, and hand over a profile.
+"""Plan a feedrate: validate, cut at the stops, plan each section, and hand over a profile.
 
-A section is solved on a coarse grid, then on a grid of the wanted size that starts from the coarse solution.  The law is
-then measured between its nodes.  Where it uses more than its limits, the intervals are halved and the limits tightened by
-what was found, and the section is solved again; last, the whole section is slowed down by the little that is left
-(time scaled by kappa divides velocities by kappa, accelerations by kappa^2, jerks by kappa^3).  What leaves here keeps
-every limit everywhere, not only at the points at which a solver looked.
+A section runs from stop to stop, or from an end that has a feed; ``refine.py`` plans one.  What leaves here keeps every
+limit everywhere, not only at the points at which a solver looked.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
 import numpy as np
 
-from planner.bounds import without_jerk
-from planner.constraints import Constraints, Path, build
-from planner.errors import InfeasibleError, InputError, SolverError
-from planner.geometry.curve import Curve, FloatArray, arc_derivatives
-from planner.grid import Grid, Scan, place_knots, scan, split, with_blends
-from planner.law import SpeedLaw, TimeNodes, Utilisation, utilisation
+from planner.errors import InfeasibleError, InputError
+from planner.geometry.curve import Curve, arc_derivatives
+from planner.law import TimeNodes, utilisation
 from planner.limits import Limits, feedrate_limits
 from planner.profile import FeedrateProfile, make_profile
+from planner.refine import DEFAULT_INTERVALS, MIN_INTERVALS, PEAK_MARGIN, Progress, SectionPlan
+from planner.refine import plan_section as plan_and_refine
 from planner.sections import Section, cut
-from planner.sensitivity import saved_by_one_percent
-from planner.solvers import optimal
-from planner.solvers.optimal import Solution
 
 Method = Literal["optimal", "nlp", "toppra", "scurve"]
-Progress = Callable[[str, float | None], None]
 
-DEFAULT_INTERVALS = 1000
-_COARSER = 4
-_COARSE_GAP = 1e-2
-_LEAST_GUESS = 1e-6
-_MIN_INTERVALS = 24
 _MAX_INTERVALS = 20_000_000
-# A plan that needs more slowing down than this at the end is refined first.
-_ACCEPTED_SLOWDOWN = 1.0002
-# Beyond this the grid is too coarse there, and is refined; below, tightening the limits locally is enough.
-_TOO_COARSE = 1.004
-_MARGIN_STEP = 2e-5
-_MAX_ROUNDS = 6
-# Slowing down is measured at points; the peaks between them are higher by less than this.
-_PEAK_MARGIN = 2e-6
-_MET = 1.0 + 2e-8
-_ALMOST_MET = 1.0 + 1e-6
-_PRESCRIBED_MARGIN = 2e-6
-# An interior point needs room above a feed that is prescribed at its limit.
-_PRESCRIBED_ROOM = 1e-9
-
-
-@dataclass(frozen=True, eq=False)
-class SectionPlan:
-    """A solved section: its time law and what the solver says of it."""
-
-    nodes: TimeNodes
-    lower_bound: float
-    stats: dict[str, Any]
-
-
-@dataclass(frozen=True, eq=False)
-class Margins:
-    """By how much the limits are tightened at each collocation point, so that a plan keeps them between the points.
-
-    ``speed``, ``acceleration``, ``jerk``: (2n - 1,) arrays >= 1.
-    """
-
-    speed: FloatArray
-    acceleration: FloatArray
-    jerk: FloatArray
-
-    @classmethod
-    def uniform(cls, grid: Grid, margin: float) -> Margins:
-        """The same margin everywhere."""
-        return cls(*np.full((3, 2 * grid.sigma.size - 1), margin))
-
-    def raised(self, used: Utilisation, grid: Grid) -> Margins:
-        """Raise the margins where a plan made with these ones used more than its limits."""
-        raised = []
-        for margin, share in ((self.speed, used.speed), (self.acceleration, used.acceleration), (self.jerk, used.jerk)):
-            excess = _by_interval(share, grid)
-            excess = np.where(excess > 1.0, excess * (1.0 + _MARGIN_STEP), 1.0)
-            at = np.ones(margin.size)
-            at[1::2] = excess
-            at[2::2] = excess
-            at[0:-1:2] = np.maximum(at[0:-1:2], excess)
-            raised.append(margin * at)
-        return Margins(*raised)
-
-    def apply(self, problem: Constraints) -> Constraints:
-        """Tighten the constraints; a prescribed feed stays attainable."""
-        cap = problem.cap / self.speed**2
-        for value, at in ((problem.start, 0), (problem.end, -1)):
-            if not np.isnan(value):
-                cap[at] = max(cap[at], value * (1.0 + _PRESCRIBED_ROOM))
-        return replace(
-            problem,
-            cap=cap,
-            acceleration=np.ascontiguousarray(problem.acceleration * self.acceleration),
-            jerk=np.ascontiguousarray(problem.jerk * self.jerk),
-        )
 
 
 def plan_feedrate(
@@ -197,8 +117,8 @@ def _validate(
         raise InputError(f"method = {method!r} must be one of {', '.join(get_args(Method))}")
     if not budget > 0.0:
         raise InputError(f"budget = {budget!r} s must be > 0")
-    if intervals is not None and not _MIN_INTERVALS <= intervals <= _MAX_INTERVALS:
-        raise InputError(f"intervals = {intervals!r} must lie within [{_MIN_INTERVALS}, {_MAX_INTERVALS}]")
+    if intervals is not None and not MIN_INTERVALS <= intervals <= _MAX_INTERVALS:
+        raise InputError(f"intervals = {intervals!r} must lie within [{MIN_INTERVALS}, {_MAX_INTERVALS}]")
     if periodic:
         if method not in {"optimal", "nlp"}:
             raise InputError(f"periodic = True is planned by the methods optimal and nlp, not by {method!r}")
@@ -259,156 +179,17 @@ def _plan_section(
         if not section.has_prescribed_feed:
             used = utilisation(section.curve, limits, nodes)
             slowdown = max(float(used.speed.max()), float(np.sqrt(used.acceleration.max())))
-            nodes = nodes.dilated(max(1.0, slowdown * (1.0 + _PEAK_MARGIN)))
+            nodes = nodes.dilated(max(1.0, slowdown * (1.0 + PEAK_MARGIN)))
         return SectionPlan(nodes, bound, stats)
-    return _solve_and_refine(section, limits, method, periodic, deadline, intervals, progress)
-
-
-def _solve_and_refine(
-    section: Section,
-    limits: Limits,
-    method: str,
-    periodic: bool,
-    deadline: float,
-    intervals: int | None,
-    progress: Progress | None,
-) -> SectionPlan:
-    wanted = intervals or DEFAULT_INTERVALS
-    guess = scan(section, limits, wanted)
-    section = with_blends(section, guess)
-    task = _Task(section, limits, guess, method, periodic, deadline, progress)
-    law: SpeedLaw | None = None
-    spent = 0.0
-    if method == "optimal":
-        coarse = _Stage.on(task, place_knots(section, guess, max(_MIN_INTERVALS, wanted // _COARSER)))
-        law, solution = coarse.solve(task, None, _COARSE_GAP)
-        spent = solution.cpu_s
-    stage = _Stage.on(task, place_knots(section, guess, wanted))
-    best: SectionPlan | None = None
-    for round_ in range(_MAX_ROUNDS):
-        law, solution = stage.solve(task, law)
-        spent += solution.cpu_s
-        nodes = law.nodes(stage.path)
-        used = utilisation(section.curve, limits, nodes)
-        slowdown = float(used.slowdown.max())
-        # A slower clock would change a prescribed feed; there the limits are tightened until they are met as they are.
-        kappa = 1.0 if task.prescribed else max(1.0, slowdown * (1.0 + _PEAK_MARGIN))
-        duration = kappa * float(nodes.t[-1])
-        better = best is None or (slowdown < best.stats["slowdown"] if task.prescribed else duration < best.nodes.t[-1])
-        if better:
-            stats = {"status": solution.status, "iterations": solution.iterations, "gap": solution.gap}
-            stats |= {"residual": solution.residual, "intervals": stage.grid.intervals, "slowdown": slowdown}
-            stats |= {"rounds": round_ + 1, "solve_cpu_s": spent, "saved_by_one_percent": stage.worth(task, solution)}
-            best = SectionPlan(nodes.dilated(kappa), np.nan, stats)
-        accepted = slowdown <= (_MET if task.prescribed else _ACCEPTED_SLOWDOWN)
-        if accepted or time.perf_counter() > deadline:
-            break
-        if slowdown > _TOO_COARSE and intervals is None:
-            stage = _Stage.on(
-                task, split(section, stage.grid, _by_interval(used.slowdown, stage.grid) > _ACCEPTED_SLOWDOWN)
-            )
-        else:
-            stage = replace(stage, margins=stage.margins.raised(used, stage.grid))
-    if best is None:
-        raise SolverError("no round of refinement was run")
-    if task.prescribed and best.stats["slowdown"] > _ALMOST_MET:
-        raise SolverError(
-            f"the plan from start_feed = {section.start_feed or 0.0:g} to end_feed = {section.end_feed or 0.0:g} mm/s "
-            f"still exceeds its limits, {best.stats['slowdown']:.6g} times as fast as allowed; try other feeds or more "
-            "intervals"
-        )
-    bound = without_jerk(section, limits, stage.grid)[1]
-    best.stats["solve_cpu_s"] = spent
-    return replace(best, lower_bound=min(bound, float(best.nodes.t[-1])))
-
-
-@dataclass(frozen=True, eq=False)
-class _Task:
-    """A section and how it is to be solved."""
-
-    section: Section
-    limits: Limits
-    guess: Scan
-    method: str
-    periodic: bool
-    deadline: float
-    progress: Progress | None
-
-    @property
-    def prescribed(self) -> bool:
-        """A feed is prescribed at one of the ends."""
-        return self.section.has_prescribed_feed
-
-
-@dataclass(frozen=True, eq=False)
-class _Stage:
-    """A grid with its constraints and the margins they are given."""
-
-    grid: Grid
-    problem: Constraints
-    path: Path
-    margins: Margins
-
-    @classmethod
-    def on(cls, task: _Task, grid: Grid) -> _Stage:
-        """Build the constraints on a grid."""
-        problem, path = build(task.section, task.limits, grid, task.guess, periodic=task.periodic)
-        return cls(grid, problem, path, Margins.uniform(grid, 1.0 + _PRESCRIBED_MARGIN if task.prescribed else 1.0))
-
-    def solve(self, task: _Task, law: SpeedLaw | None, tolerance: float | None = None) -> tuple[SpeedLaw, Solution]:
-        """Solve, from a previous law where there is one."""
-        problem = self.margins.apply(self.problem)
-        per_x = (problem.length_unit / problem.time_unit) ** 2
-        if law is not None:
-            floor = _LEAST_GUESS * float(law.x.min())
-            problem = replace(problem, guess=np.maximum(law.at(self.grid.sigma), floor) / per_x)
-        try:
-            solution = _run(task, problem, law is not None, tolerance)
-        except SolverError as error:
-            if not task.prescribed:
-                raise
-            section = task.section
-            length = float(np.diff(section.curve.arclength.s([section.u_start, section.u_end]))[0])
-            raise InfeasibleError(
-                f"no plan found from start_feed = {section.start_feed or 0.0:g} to end_feed = "
-                f"{section.end_feed or 0.0:g} mm/s between u = {section.u_start:.6g} and {section.u_end:.6g} "
-                f"(length {length:.6g} mm): {error}; a prescribed feed must be attainable under the limits, lower it"
-            ) from None
-        scale = problem.length_unit
-        x, a, c = solution.x * per_x, solution.a * per_x / scale, solution.c * per_x / scale**2
-        return SpeedLaw(self.grid.sigma, x, a, c), solution
-
-    def worth(self, task: _Task, solution: Solution) -> dict[str, float]:
-        """Seconds that one percent more of each limit would save."""
-        if solution.iterate is None:
-            return {}
-        saved = saved_by_one_percent(solution.iterate, self.path, task.limits, task.section.curve.axes)
-        return {name: value * self.problem.time_unit for name, value in saved.items()}
-
-
-def _run(task: _Task, problem: Constraints, warm: bool, tolerance: float | None) -> Solution:
-    if task.method == "nlp":
-        from planner.solvers import nlp
-
-        return nlp.solve(problem)
-    return optimal.solve(
-        problem,
-        optimal.start_from(problem, problem.guess),
-        centring=0.1 if warm else 1.0,
-        tolerance=tolerance,
-        deadline=task.deadline,
-        progress=task.progress,
+    return plan_and_refine(
+        section,
+        limits,
+        method=method,
+        periodic=periodic,
+        deadline=deadline,
+        intervals=intervals,
+        progress=progress,
     )
-
-
-def _by_interval(values: FloatArray, grid: Grid) -> FloatArray:
-    """Largest value of the two halves of each solver interval; 0 for empty ones."""
-    full = np.diff(grid.sigma) > 0.0
-    out = np.zeros(full.size)
-    # nodes: knot, midpoint, knot, ...; an empty interval has one entry, a full one two
-    first = np.cumsum(np.where(full, 2, 1)) - np.where(full, 2, 1)
-    out[full] = np.maximum(values[first[full]], values[first[full] + 1])
-    return out
 
 
 def _chain(parts: list[TimeNodes]) -> TimeNodes:
@@ -431,6 +212,8 @@ def _collect(sections: list[Section], plans: list[SectionPlan], limits: Limits, 
             f"{1e3 * limits.period:g} ms keep the jerk limit; exact_stop=True would stop there"
             for b in section.jumps
         ]
+    for plan in plans:
+        notes += plan.stats.get("notes", [])
     if not (np.isfinite(limits.jerk).any() or np.isfinite(limits.tangential_jerk)):
         notes.append("no jerk limit is set: planned without one, by toppra")
     every = [plan.stats for plan in plans]
@@ -442,6 +225,8 @@ def _collect(sections: list[Section], plans: list[SectionPlan], limits: Limits, 
         found = [s[key] for s in every if key in s]
         if found:
             stats[key] = max(found)
+    if all("proven_global" in s for s in every):
+        stats["proven_global"] = all(s["proven_global"] for s in every)
     stats |= {"exact_stop": exact_stop, "periodic": any(np.isnan(s.start_feed or 0.0) for s in sections)}
     saved: dict[str, float] = {}
     for s in every:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from planner.errors import InputError
-from planner.geometry.curve import Curve, FloatArray, Side
+from planner.geometry.curve import MAX_DERIVATIVE, Curve, FloatArray, curvature, dot
 from planner.limits import Limits, chord_feed_limit
 
 # A limit holds the path back where it is used up to within this fraction.
@@ -212,18 +212,23 @@ def evaluate_law(
 
 
 def along_tip(
-    curve: Curve, law: tuple[FloatArray, FloatArray, FloatArray, FloatArray], side: Side = "right"
+    curve: Curve, law: tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 ) -> tuple[FloatArray, tuple[FloatArray, FloatArray, FloatArray]]:
     """Arc length of the tool tip and its first three time derivatives, from those of u."""
-    u, u1, u2, u3 = law
-    d = curve.tip.derivatives(u, 3, side=side)
-    s1 = np.sqrt(np.sum(d[1] ** 2, axis=-1))
+    return curve.arclength.s(law[0]), along_path(curve.tip.derivatives(law[0]), law)
+
+
+def along_path(
+    d: FloatArray, law: tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Time derivatives of the arc length from the derivatives d (4, n, dim) with respect to u, and those of u."""
+    _, u1, u2, u3 = law
+    s1 = np.sqrt(dot(d[1], d[1]))
     with np.errstate(divide="ignore", invalid="ignore"):
-        s2 = np.where(s1 > 0.0, np.sum(d[1] * d[2], axis=-1) / s1, 0.0)
-        s3 = np.sum(d[2] ** 2, axis=-1) + np.sum(d[1] * d[3], axis=-1) - s2**2
+        s2 = np.where(s1 > 0.0, dot(d[1], d[2]) / s1, 0.0)
+        s3 = dot(d[2], d[2]) + dot(d[1], d[3]) - s2**2
         s3 = np.where(s1 > 0.0, s3 / s1, 0.0)
-    along = (s1 * u1, s1 * u2 + s2 * u1**2, s1 * u3 + 3.0 * s2 * u1 * u2 + s3 * u1**3)
-    return curve.arclength.s(u), along
+    return s1 * u1, s1 * u2 + s2 * u1**2, s1 * u3 + 3.0 * s2 * u1 * u2 + s3 * u1**3
 
 
 def make_profile(
@@ -248,16 +253,12 @@ def make_profile(
     # A node takes the jerk of the interval after it; before a break, and at the end, of the one before it.
     forward = np.append(inner, False)
     jerk = np.where(forward, np.append(at_start, 0.0), np.append(0.0, at_end))
-    s = np.empty(t.size)
-    along = np.empty((3, t.size))
-    names: tuple[str, ...] = ()
-    binding = np.empty(t.size, dtype=np.int8)
-    sides: tuple[tuple[Side, NDArray[np.bool_]], ...] = (("right", forward), ("left", ~forward))
-    for side, here in sides:
-        law = (u[here], rate[here], acceleration[here], jerk[here])
-        s[here], parts = along_tip(curve, law, side)
-        along[:, here] = parts
-        names, binding[here] = _binding(curve, limits, law, along[:, here], side)
+    law = (u, rate, acceleration, jerk)
+    q = curve.pieces.evaluate(u, MAX_DERIVATIVE, ~forward)
+    tip = q if curve.tip is curve else curve.tip.pieces.evaluate(u, MAX_DERIVATIVE, ~forward)
+    along = np.stack(along_path(tip, law))
+    names, binding = _binding(curve, limits, law, along, q, tip)
+    s = curve.arclength.s(u)
     return FeedrateProfile(
         curve,
         t,
@@ -281,11 +282,11 @@ def _binding(
     limits: Limits,
     law: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
     along: FloatArray,
-    side: Side,
+    q: FloatArray,
+    tip: FloatArray,
 ) -> tuple[tuple[str, ...], NDArray[np.int8]]:
     """Name, at each node, the limit with the largest share used, if it is nearly used up."""
     u, u1, u2, u3 = law
-    q = curve.derivatives(u, 3, side=side)
     rates = (
         ("velocity", q[1] * u1[:, None], limits.velocity),
         ("acceleration", q[2] * u1[:, None] ** 2 + q[1] * u2[:, None], limits.acceleration),
@@ -296,7 +297,7 @@ def _binding(
         ),
     )
     with np.errstate(divide="ignore", invalid="ignore"):
-        chord = along[0] / chord_feed_limit(curve.tip.curvature(u, side=side), limits)
+        chord = along[0] / chord_feed_limit(curvature(tip), limits)
     names = ["none", "feed", "chord error", "tangential acceleration", "tangential jerk"]
     used = [
         np.full(u.size, _BINDING_SHARE),

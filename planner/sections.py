@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.geometry.arclength import ArcLength
-from planner.geometry.curve import Break, Curve, FloatArray
+from planner.geometry.curve import Break, Curve, FloatArray, dot
 from planner.limits import Limits
 
 # Ascending powers of r of the rest map's slope p and of its integral; a blend of width w covers BLEND_LENGTH w of y.
@@ -42,6 +42,7 @@ _MAPS = [
     np.polyder(_SLOPE[::-1], 2),
 ]
 _NEWTON_PASSES = 80
+_DIGITS = 16.0  # more than so many units in the last place is not rounding
 _SEAM_TOLERANCE = 1e-7  # relative jump of the first and second derivative between end and start that counts as none
 
 
@@ -95,20 +96,26 @@ class Section:
         saved = (1.0 - BLEND_LENGTH) * (self.blend_start + self.blend_end)
         return self.y_end - self.y_start + saved
 
+    def position(self, sigma: FloatArray) -> FloatArray:
+        """Evaluate y(sigma)."""
+        w0, w1, span = self.blend_start, self.blend_end, self.span
+        y = self.y_start - (1.0 - BLEND_LENGTH) * w0 + sigma
+        for width, distance, end, sign in ((w0, sigma, self.y_start, 1.0), (w1, span - sigma, self.y_end, -1.0)):
+            if width > 0.0:
+                inside = np.flatnonzero(distance < width)
+                y[inside] = end + sign * width * np.polyval(_MAPS[0], np.maximum(distance[inside], 0.0) / width)
+        return y
+
     def rest_map(self, sigma: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Evaluate y(sigma) and its first three derivatives."""
         w0, w1, span = self.blend_start, self.blend_end, self.span
-        y = self.y_start - (1.0 - BLEND_LENGTH) * w0 + sigma
+        y = self.position(sigma)
         first, second, third = np.ones_like(y), np.zeros_like(y), np.zeros_like(y)
-        for width, distance, end, sign in (
-            (w0, sigma, self.y_start, 1.0),
-            (w1, span - sigma, self.y_end, -1.0),
-        ):
+        for width, distance, sign in ((w0, sigma, 1.0), (w1, span - sigma, -1.0)):
             if width <= 0.0:
                 continue
             inside = np.flatnonzero(distance < width)
             r = np.maximum(distance[inside], 0.0) / width
-            y[inside] = end + sign * width * np.polyval(_MAPS[0], r)
             first[inside] = np.polyval(_MAPS[1], r)
             second[inside] = sign * np.polyval(_MAPS[2], r) / width
             third[inside] = np.polyval(_MAPS[3], r) / width**2
@@ -137,6 +144,33 @@ class Section:
         """Coordinate y at curve parameters u."""
         return u.copy() if self.arc is None else self.arc.s(u)
 
+    def rounding(self, sigma: FloatArray, u: FloatArray) -> FloatArray:
+        """By how much rounding moved the parameters u of the points sigma; 0 outside the rest blends.
+
+        Next to a stop the digits of u do not tell how far it is: a path that ends at u = 1 has none closer than 1e-16,
+        and the rest map goes there.  The distance itself is known to full precision, w P(r), and so is 1 - u.
+        """
+        out = np.zeros_like(u)
+        for width, distance, stop, sign in (
+            (self.blend_start, sigma, self.u_start, 1.0),
+            (self.blend_end, self.span - sigma, self.u_end, -1.0),
+        ):
+            if width <= 0.0:
+                continue
+            inside = np.flatnonzero((distance > 0.0) & (distance < width))
+            away = sign * (u[inside] - stop)
+            meant = width * np.polyval(_MAPS[0], distance[inside] / width)
+            speed: FloatArray | float = 1.0
+            if self.arc is not None:
+                # The arc length by three derivatives at the stop: closer than the digits of u where these matter.
+                v, v1, v2 = self.arc.speed_at(stop, "right" if sign > 0.0 else "left")
+                speed = v + sign * v1 * away
+                away = away * (v + away * (0.5 * sign * v1 + away * v2 / 6.0))
+            moved = sign * (away - meant) / speed
+            digits = _DIGITS * np.finfo(float).eps * max(abs(self.u_start), abs(self.u_end), self.u_end - self.u_start)
+            out[inside] = np.where(np.abs(moved) <= digits, moved, 0.0)
+        return out
+
     def parameter_derivatives(
         self, q: FloatArray, weights: FloatArray, rest: tuple[FloatArray, FloatArray, FloatArray, FloatArray]
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -145,9 +179,9 @@ class Section:
         if self.arc is None:
             return y1, y2, y3
         weighted = q[1:] * weights
-        v = np.sqrt(np.sum(weighted[0] ** 2, axis=-1))
-        v1 = np.sum(weighted[0] * weighted[1], axis=-1) / v
-        v2 = (np.sum(weighted[1] ** 2, axis=-1) + np.sum(weighted[0] * weighted[2], axis=-1) - v1**2) / v
+        v = np.sqrt(dot(weighted[0], weighted[0]))
+        v1 = dot(weighted[0], weighted[1]) / v
+        v2 = (dot(weighted[1], weighted[1]) + dot(weighted[0], weighted[2]) - v1**2) / v
         # u as a function of y, then y as one of sigma
         u1, u2, u3 = 1.0 / v, -v1 / v**3, (3.0 * v1**2 - v * v2) / v**5
         return u1 * y1, u2 * y1**2 + u1 * y2, u3 * y1**3 + 3.0 * u2 * y1 * y2 + u1 * y3
@@ -233,8 +267,9 @@ def weighted_arclength(curve: Curve, weights: FloatArray) -> ArcLength:
 
 
 def evaluate(curve: Curve, u: FloatArray, left: NDArray[np.bool_]) -> FloatArray:
-    """Derivatives 0..3 of a curve at u, from the left where ``left`` (same shape) is true."""
-    q = curve.derivatives(u, 3)
-    if left.any():
-        q[:, left] = curve.derivatives(u[left], 3, side="left")
-    return q
+    """Derivatives 0..3 of a curve at u (n,), from the left where ``left`` is true, by its compiled pieces.
+
+    They are exact for B-splines.  Pieces fitted to other curves are 1e-13 of the extent off, their third derivatives some
+    1e-7 of the largest; what is planned on them is checked on the curve itself.
+    """
+    return curve.pieces.evaluate(u, 3, left)

@@ -68,8 +68,9 @@ def formula_path():
 
 
 def test_path_derivatives_with_respect_to_sigma(formula_path):
+    """As good as the pieces fitted to the formula, 1e-13 of its extent: each derivative costs two digits."""
     _, _, _, path, d = formula_path
-    for k, accuracy in ((0, 1e-13), (1, 1e-12), (2, 1e-11), (3, 1e-10)):
+    for k, accuracy in ((0, 1e-13), (1, 2e-12), (2, 5e-11), (3, 1e-9)):
         assert path.axes[k] == pytest.approx(d[k], abs=accuracy * np.abs(d[k]).max())
 
 

@@ -142,7 +142,7 @@ class TestPieces:
         rounding = 2e-15 * np.abs(positions).max(axis=0) + np.spacing(np.abs(u).max()) * np.abs(
             curve.derivatives(u, 1)[1]
         ).max(axis=0)
-        error = np.abs(curve.pieces.evaluate(u, 0, "right")[0] - positions).max(axis=0)
+        error = np.abs(curve.pieces.evaluate(u, 0, False)[0] - positions).max(axis=0)
         assert (error <= 1.5e-13 * extent + 4.0 * rounding).all()
 
     @pytest.mark.parametrize("name", THESIS)
@@ -156,12 +156,12 @@ class TestPieces:
         size = np.abs(curve.derivatives(np.linspace(*curve.domain, 300))).max(axis=(1, 2))
         for side in ("left", "right"):
             if inner.size:
-                error = np.abs(pieces.evaluate(inner, 3, side) - curve.derivatives(inner)).max(axis=(1, 2))
+                error = np.abs(pieces.evaluate(inner, 3, side == "left") - curve.derivatives(inner)).max(axis=(1, 2))
                 assert (error <= np.array([1e-13, 1e-10, 1e-8, 1e-6]) * size).all()
 
     def test_axes_that_stay_at_the_origin(self):
         curve = FormulaCurve({"X": "0", "Y": "0*u", "C": "u"}, (0.0, 2.0))
-        np.testing.assert_allclose(curve.pieces.evaluate(np.array([0.5]), 1, "right")[:, 0], [[0, 0, 0.5], [0, 0, 1]])
+        np.testing.assert_allclose(curve.pieces.evaluate(np.array([0.5]), 1, False)[:, 0], [[0, 0, 0.5], [0, 0, 1]])
         assert curve.length == 0.0
 
     def test_cubic_is_one_piece(self):

@@ -317,7 +317,7 @@ def test_another_unit_of_length_leaves_the_plan(seed, power):
         k * limits.feed, k * limits.velocity, k * limits.acceleration, k * limits.jerk, k * limits.chord_error
     )
     first, second = plan_feedrate(curve, limits), plan_feedrate(scaled, other)
-    assert second.duration == pytest.approx(first.duration, rel=1e-6)
+    assert second.duration == pytest.approx(first.duration, rel=1e-12)
 
 
 @pytest.mark.parametrize("factor", [1e-6, 1e3])
@@ -325,7 +325,7 @@ def test_millimetres_to_kilometres_or_micrometres(factor):
     curve, scaled = load_curve("teardrop"), load_curve("teardrop", scale=factor)
     k = factor
     other = Limits(100 * k, [250 * k] * 2, [1000 * k] * 2, [20000 * k] * 2, chord_error=1e-3 * k)
-    assert duration(scaled, other) == pytest.approx(duration(curve, limits_of(chord_error=1e-3)), rel=1e-6)
+    assert duration(scaled, other) == pytest.approx(duration(curve, limits_of(chord_error=1e-3)), rel=1e-9)
 
 
 @settings(max_examples=4, phases=NO_SHRINKING)
@@ -340,7 +340,7 @@ def test_slower_in_proportion_takes_as_much_longer(seed, k):
         limits.chord_error,
         limits.period * k,
     )
-    assert duration(curve, slow) == pytest.approx(k * duration(curve, limits), rel=1e-6)
+    assert duration(curve, slow) == pytest.approx(k * duration(curve, limits), rel=1e-9)
 
 
 @settings(max_examples=6, phases=NO_SHRINKING)

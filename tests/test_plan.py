@@ -173,13 +173,13 @@ def test_lengths_and_limits_in_another_unit_leave_the_duration(factor: float) ->
     curve, other = load_curve("teardrop"), load_curve("teardrop", scale=factor)
     scaled = Limits(100 * factor, [250 * factor] * 2, [1e3 * factor] * 2, [2e4 * factor] * 2, 1e-3 * factor)
     first, second = plan_feedrate(curve, plane()), plan_feedrate(other, scaled)
-    assert second.duration == pytest.approx(first.duration, rel=1e-7)
+    assert second.duration == pytest.approx(first.duration, rel=1e-9)
 
 
 def test_time_in_another_unit_scales_the_duration() -> None:
     curve = load_curve("teardrop")
     slow = Limits(10.0, [25.0] * 2, [10.0] * 2, [20.0] * 2, 1e-3, period=1e-2)
-    assert plan_feedrate(curve, slow).duration == pytest.approx(10.0 * plan_feedrate(curve, plane()).duration, rel=1e-7)
+    assert plan_feedrate(curve, slow).duration == pytest.approx(10.0 * plan_feedrate(curve, plane()).duration, rel=1e-9)
 
 
 def test_running_the_path_backwards_takes_as_long() -> None:

@@ -117,6 +117,17 @@ class ArcLength:
         panel_length(self.edges, self.lengths, self._series, points.reshape(-1), out)
         return out.reshape(points.shape)
 
+    def speed_at(self, u: float, side: Side) -> tuple[float, float, float]:
+        """Speed ds/du and its first two derivatives at an edge or inside a panel, from the side given."""
+        panel = int(np.searchsorted(self.edges, u, side=side)) - 1
+        panel = min(max(panel, 0), self.edges.size - 2)
+        half = 0.5 * (self.edges[panel + 1] - self.edges[panel])
+        x = (u - self.edges[panel]) / half - 1.0
+        series = self._speeds[panel]
+        derivatives = (chebyshev.chebval(x, chebyshev.chebder(series, k)) / half**k for k in range(3))
+        first, second, third = (float(value) for value in derivatives)
+        return first, second, third
+
     def u(self, s: ArrayLike, *, side: Side = "right") -> FloatArray:
         """Curve parameter at arc length s (any shape).
 

@@ -84,22 +84,26 @@ class Pieces:
         Ascending powers of the local parameter in [0, 1]; the last row of each piece is the denominator.
     rational : bool
         False where every denominator is 1.
+    resting : (m, dim) bool array
+        Coordinates that have one value all over a piece.
     """
 
     breaks: FloatArray
     coefficients: FloatArray
     rational: bool
+    resting: NDArray[np.bool_]
 
     def __post_init__(self) -> None:
-        for array in (self.breaks, self.coefficients):
+        for array in (self.breaks, self.coefficients, self.resting):
             array.setflags(write=False)
 
-    def evaluate(self, u: FloatArray, order: int, side: Side) -> FloatArray:
-        """Evaluate derivatives 0..order at the flat array u; returns ``(order + 1, n, dim)``."""
+    def evaluate(self, u: FloatArray, order: int, left: NDArray[np.bool_] | bool) -> FloatArray:
+        """Evaluate derivatives 0..order at the flat array u, from the left where asked; ``(order + 1, n, dim)``."""
         from planner.geometry.kernels import evaluate_pieces
 
         out = np.empty((order + 1, u.size, self.coefficients.shape[1] - 1))
-        evaluate_pieces(self.breaks, self.coefficients, self.rational, u, side == "left", order, out)
+        sides = np.full(u.size, left) if isinstance(left, bool) else left
+        evaluate_pieces(self.breaks, self.coefficients, self.rational, self.resting, u, sides, order, out)
         return out
 
 
@@ -180,14 +184,7 @@ class Curve(ABC):
 
     def curvature(self, u: ArrayLike, *, side: Side = "right") -> FloatArray:
         """Curvature |C' x C''| / |C'|^3 at every u, in 1/mm; 0 where the curve rests."""
-        d = self.derivatives(u, 2, side=side)
-        speed2 = np.sum(d[1] ** 2, axis=-1)
-        dot = np.sum(d[1] * d[2], axis=-1)
-        # |C'|^2 |C''|^2 - (C'.C'')^2 cancels; the normal part of C'' does not.
-        with np.errstate(divide="ignore", invalid="ignore"):
-            normal = d[2] - (dot / speed2)[..., None] * d[1]
-            kappa = np.sqrt(np.sum(normal**2, axis=-1)) / speed2
-        return np.where(speed2 > 0.0, kappa, 0.0)
+        return curvature(self.derivatives(u, 2, side=side))
 
     @cached_property
     def breaks(self) -> tuple[Break, ...]:
@@ -248,7 +245,8 @@ class AxesSubset(Curve):
         """The parent's pieces, fewer rows."""
         whole = self.parent.pieces
         rows = [*self.columns, self.parent.dim]
-        return Pieces(whole.breaks, np.ascontiguousarray(whole.coefficients[:, rows]), whole.rational)
+        resting = np.ascontiguousarray(whole.resting[:, list(self.columns)])
+        return Pieces(whole.breaks, np.ascontiguousarray(whole.coefficients[:, rows]), whole.rational, resting)
 
     def definition(self) -> Mapping[str, Any]:
         """Parent and columns."""
@@ -256,6 +254,21 @@ class AxesSubset(Curve):
 
     def _candidate_breaks(self) -> FloatArray:
         return self.parent._candidate_breaks()
+
+
+def curvature(d: FloatArray) -> FloatArray:
+    """Curvature from the derivatives d (3 or more, ..., dim) with respect to u; 0 where the curve rests."""
+    speed2 = dot(d[1], d[1])
+    # |C'|^2 |C''|^2 - (C'.C'')^2 cancels; the normal part of C'' does not.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        normal = d[2] - (dot(d[1], d[2]) / speed2)[..., None] * d[1]
+        kappa = np.sqrt(dot(normal, normal)) / speed2
+    return np.where(speed2 > 0.0, kappa, 0.0)
+
+
+def dot(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Scalar products along the last axis, on one thread: BLAS wakes its others for long vectors and gains nothing."""
+    return np.asarray(np.einsum("...j,...j->...", a, b))
 
 
 def arc_derivatives(d: FloatArray) -> FloatArray:
@@ -274,9 +287,9 @@ def arc_derivatives(d: FloatArray) -> FloatArray:
     -------
     (4, n, dim) array
     """
-    v = np.sqrt(np.sum(d[1] ** 2, axis=-1))[:, None]
-    v1 = np.sum(d[1] * d[2], axis=-1)[:, None] / v
-    v2 = (np.sum(d[2] ** 2, axis=-1)[:, None] + np.sum(d[1] * d[3], axis=-1)[:, None] - v1**2) / v
+    v = np.sqrt(dot(d[1], d[1]))[:, None]
+    v1 = dot(d[1], d[2])[:, None] / v
+    v2 = (dot(d[2], d[2])[:, None] + dot(d[1], d[3])[:, None] - v1**2) / v
     tangent = d[1] / v
     second = (d[2] - v1 * tangent) / v**2
     third = (d[3] - 3.0 * v * v1 * second - v2 * tangent) / v**3
@@ -385,7 +398,7 @@ def require_regular(curve: Curve) -> None:
         d[:, :, -1] = curve.derivatives(block[1:], 3, side="left")
         require_finite(curve, u.reshape(-1), d.reshape(4, -1, curve.dim))
         with np.errstate(over="ignore"):
-            speed = np.sqrt(np.sum(d[1] ** 2, axis=-1))
+            speed = np.sqrt(dot(d[1], d[1]))
         if not np.isfinite(speed).all():
             raise CurveError(f"{curve.name}: |C'| overflows; coordinates over knot spacing must stay below 1e150")
         length += float(np.sum(speed * width))

@@ -136,7 +136,8 @@ def _join(done: list[tuple[FloatArray, FloatArray]], end: float) -> Pieces:
     coefficients = np.zeros((starts.size, power.shape[2] + 1, _DEGREE + 1))
     coefficients[:, :-1] = power[order].transpose(0, 2, 1)
     coefficients[:, -1, 0] = 1.0
-    return Pieces(np.append(starts[order], end), coefficients, False)
+    resting = np.asarray(~coefficients[:, :-1, 1:].any(axis=2))
+    return Pieces(np.append(starts[order], end), coefficients, False, resting)
 
 
 def _nodes_to_series() -> FloatArray:

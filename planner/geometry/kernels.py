@@ -5,7 +5,7 @@ Two data structures reach compiled code, both plain arrays:
 *Pieces* (m of them): ``breaks (m+1,)`` and ``coefficients (m, d+1, p+1)``.  On piece i, with the local parameter
 ``w = (u - breaks[i]) / (breaks[i+1] - breaks[i])`` in [0, 1], coordinate j is the ratio of two polynomials in w,
 ``coefficients[i, j, :]`` over ``coefficients[i, d, :]`` (ascending powers).  Where the curve is polynomial the
-denominator is not looked at.
+denominator is not looked at.  ``resting (m, d)`` says which coordinates have one value all over a piece.
 
 *Panels* (m of them): ``edges (m+1,)`` in u, ``lengths (m+1,)`` accumulated, and per panel the Chebyshev series of the
 length since the panel's left edge.
@@ -23,6 +23,7 @@ from numba import njit, types
 F64, I64, FLAG, NOTHING = types.float64, types.int64, types.boolean, types.void
 READ1, READ2, READ3 = (types.Array(F64, n, "C", readonly=True) for n in (1, 2, 3))
 WRITE1, WRITE2, WRITE3 = (types.Array(F64, n, "C") for n in (1, 2, 3))
+FLAGS, FLAGS2 = (types.Array(FLAG, n, "C", readonly=True) for n in (1, 2))
 
 # Newton on a Chebyshev panel converges in 3-5 passes; bisection, which takes over where it leaves the bracket, in 60.
 _MAX_INVERSION_PASSES = 100
@@ -36,20 +37,17 @@ def _clenshaw(series, x):
     return series[0] + x * b1 - b2
 
 
-@njit(NOTHING(READ1, I64, F64, F64, WRITE1), cache=True, error_model="numpy")
-def _horner(poly, degree, w, scale, out):
-    """Value and first three derivatives with respect to u (dw/du = scale) of one polynomial."""
-    b0 = poly[degree]
+@njit(forceinline=True)
+def _horner(coefficients, piece, row, w):
+    """Value and first three derivatives with respect to w, over 0!, 1!, 2! and 3!, of one polynomial."""
+    b0 = coefficients[piece, row, coefficients.shape[2] - 1]
     b1 = b2 = b3 = 0.0
-    for k in range(degree - 1, -1, -1):
+    for k in range(coefficients.shape[2] - 2, -1, -1):
         b3 = b3 * w + b2
         b2 = b2 * w + b1
         b1 = b1 * w + b0
-        b0 = b0 * w + poly[k]
-    out[0] = b0
-    out[1] = b1 * scale
-    out[2] = 2.0 * b2 * scale * scale
-    out[3] = 6.0 * b3 * scale * scale * scale
+        b0 = b0 * w + coefficients[piece, row, k]
+    return b0, b1, b2, b3
 
 
 @njit(I64(READ1, F64, FLAG, I64), cache=True, error_model="numpy")
@@ -72,34 +70,49 @@ def find_piece(breaks, u, left, guess):
     return lo
 
 
-@njit(NOTHING(READ1, READ3, FLAG, READ1, FLAG, I64, WRITE3), cache=True, error_model="numpy")
-def evaluate_pieces(breaks, coefficients, rational, u, left, order, out):
-    """Write the derivatives 0..order of the curve at every u into ``out (order+1, n, d)``.
+@njit(forceinline=True, error_model="numpy")
+def point_on_pieces(breaks, coefficients, rational, resting, u, left, guess, out):
+    """Write the derivatives 0..3 of the curve at one parameter into ``out (4, d)``; returns the piece, tried first next.
 
-    Horner with derivatives on each coordinate, then the quotient rule: with numerator N, denominator D and C = N/D,
-    D C^(k) = N^(k) - sum_{i=1..k} binom(k, i) D^(i) C^(k-i).
+    Horner with Taylor coefficients on each coordinate, then the quotient rule: with numerator N, denominator D, C = N/D
+    and coefficients N_k = N^(k)/k!,  D C_k = N_k - sum_{i=1..k} D_i C_(k-i).
     """
     dim = coefficients.shape[1] - 1
-    degree = coefficients.shape[2] - 1
-    num = np.empty(4)
-    den = np.empty(4)
+    piece = find_piece(breaks, u, left, guess)
+    scale = 1.0 / (breaks[piece + 1] - breaks[piece])
+    w = (u - breaks[piece]) / (breaks[piece + 1] - breaks[piece])
+    v0, v1, v2, v3 = 1.0, 0.0, 0.0, 0.0
+    if rational:
+        v0, v1, v2, v3 = _horner(coefficients, piece, dim, w)
+        v0 = 1.0 / v0
+    for j in range(dim):
+        c0, c1, c2, c3 = _horner(coefficients, piece, j, w)
+        if rational:
+            c0 *= v0
+            c1 = (c1 - v1 * c0) * v0
+            c2 = (c2 - v1 * c1 - v2 * c0) * v0
+            c3 = (c3 - v1 * c2 - v2 * c1 - v3 * c0) * v0
+        if resting[piece, j]:
+            # The quotient rule leaves rounding where a coordinate rests, and a direction made of rounding is none.
+            c1 = c2 = c3 = 0.0
+        out[0, j] = c0
+        out[1, j] = c1 * scale
+        out[2, j] = 2.0 * c2 * scale * scale
+        out[3, j] = 6.0 * c3 * scale * scale * scale
+    return piece
+
+
+@njit(NOTHING(READ1, READ3, FLAG, FLAGS2, READ1, FLAGS, I64, WRITE3), cache=True, error_model="numpy")
+def evaluate_pieces(breaks, coefficients, rational, resting, u, left, order, out):
+    """Write the derivatives 0..order of the curve at every u into ``out (order+1, n, d)``, from the left where asked."""
+    dim = coefficients.shape[1] - 1
+    point = np.empty((4, dim))
     piece = 0
     for n in range(u.size):
-        piece = find_piece(breaks, u[n], left, piece)
-        width = breaks[piece + 1] - breaks[piece]
-        w = (u[n] - breaks[piece]) / width
-        scale = 1.0 / width
-        if rational:
-            _horner(coefficients[piece, dim], degree, w, scale, den)
-        for j in range(dim):
-            _horner(coefficients[piece, j], degree, w, scale, num)
-            if rational:
-                num[0] = num[0] / den[0]
-                num[1] = (num[1] - den[1] * num[0]) / den[0]
-                num[2] = (num[2] - 2.0 * den[1] * num[1] - den[2] * num[0]) / den[0]
-                num[3] = (num[3] - 3.0 * den[1] * num[2] - 3.0 * den[2] * num[1] - den[3] * num[0]) / den[0]
-            for k in range(order + 1):
-                out[k, n, j] = num[k]
+        piece = point_on_pieces(breaks, coefficients, rational, resting, u[n], left[n], piece, point)
+        for k in range(order + 1):
+            for j in range(dim):
+                out[k, n, j] = point[k, j]
 
 
 @njit(NOTHING(READ1, READ1, READ2, READ1, WRITE1), cache=True, error_model="numpy")

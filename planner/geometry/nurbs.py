@@ -96,12 +96,7 @@ class NurbsCurve(Curve):
         return float(self.knots[self.degree]), float(self.knots[-self.degree - 1])
 
     def _evaluate(self, u: FloatArray, order: int, side: Side) -> FloatArray:
-        out = self.pieces.evaluate(u, order, side)
-        if self.pieces.rational and self._resting.any():
-            # The quotient rule leaves rounding where an axis rests, and a direction made of rounding is none.
-            inside = np.searchsorted(self._spans, u, side=side) - 1
-            out[1:, self._resting[np.clip(inside, 0, self._spans.size - 2)]] = 0.0
-        return out
+        return self.pieces.evaluate(u, order, side == "left")
 
     def _candidate_breaks(self) -> FloatArray:
         return self._spans[1:-1]
@@ -112,10 +107,9 @@ class NurbsCurve(Curve):
         u0, u1 = self.domain
         return np.unique(self.knots[(self.knots >= u0) & (self.knots <= u1)])
 
-    @cached_property
-    def _resting(self) -> NDArray[np.bool_]:
-        """Whether an axis has one and the same value on a span, (spans, dim)."""
-        span = np.searchsorted(self.knots, self._spans[:-1], side="right") - 1
+    def _resting(self, starts: FloatArray) -> NDArray[np.bool_]:
+        """Whether an axis has one and the same value on the spans in which pieces start, (m, dim)."""
+        span = np.searchsorted(self.knots, starts, side="right") - 1
         acting = self.control_points[span[:, None] + np.arange(-self.degree, 1)]
         return np.asarray(np.ptp(acting, axis=1) == 0.0)
 
@@ -145,7 +139,7 @@ class NurbsCurve(Curve):
             coefficients /= self.weights[0]
             coefficients[:, -1] = 0.0
             coefficients[:, -1, 0] = 1.0
-        return Pieces(breaks, coefficients, rational)
+        return Pieces(breaks, coefficients, rational, self._resting(breaks[:-1]))
 
     def _taylor(self, points: FloatArray, breaks: FloatArray) -> FloatArray:
         """Taylor coefficients (m, columns, degree + 1) at the start of each piece, in units of its width.

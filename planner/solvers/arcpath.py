@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputError
-from planner.geometry.curve import Curve, FloatArray, Side
+from planner.geometry.curve import Curve, FloatArray, Side, curvature
 from planner.limits import Limits, chord_feed_limit
-from planner.profile import along_tip, quintic_coefficients
+from planner.profile import along_path, quintic_coefficients
 
 Nodes = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 IntArray = NDArray[np.intp]
@@ -392,8 +392,9 @@ def _shares(
     """Largest share of any limit used at points (m,) of a time law."""
     q = curve.derivatives(law[0], 3, side=side)
     v, a, j = (part[:, None] for part in law[1:])
-    feed, along, along_jerk = along_tip(curve, (law[0], law[1], law[2], law[3]), side)[1]
-    cap = np.minimum(limits.feed, chord_feed_limit(curve.tip.curvature(law[0], side=side), limits))
+    tip = q if curve.tip is curve else curve.tip.derivatives(law[0], 3, side=side)
+    feed, along, along_jerk = along_path(tip, (law[0], law[1], law[2], law[3]))
+    cap = np.minimum(limits.feed, chord_feed_limit(curvature(tip), limits))
     of_axes = [
         np.abs(q[1] * v) / limits.velocity,
         np.abs(q[2] * v**2 + q[1] * a) / limits.acceleration,

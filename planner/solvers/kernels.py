@@ -328,17 +328,24 @@ def solve(h, gains, root, gradient, first, last, fixed_start, feed_forward, step
     step[0, end], step[1, end], step[2, end] = x, a, c
 
 
-@njit(types.UniTuple(F64, 2)(READ3, I64, F64, F64, F64), cache=True, error_model="numpy")
+@njit(types.UniTuple(F64, 4)(READ3, I64, F64, F64, F64), cache=True, error_model="numpy")
 def _control_range(rows, k, h, x, ceiling):
-    """Range of sigma_ddot on interval k that starts at x: rows at both of its knots, and 0 <= next x <= ceiling."""
+    """Range of sigma_ddot on interval k that starts at x: rows at both of its knots, and 0 <= next x <= ceiling.
+
+    Returns its lower and upper end, and how fast each moves with x.
+    """
     low, high = -x / (2.0 * h), (ceiling - x) / (2.0 * h)
+    low_slope = high_slope = -1.0 / (2.0 * h)
     for r in range(rows.shape[0]):
         for at, growth in ((k, 0.0), (k + 1, 2.0 * h)):
             alpha, beta = rows[r, 0, at], rows[r, 1, at] + growth * rows[r, 0, at]
             if beta != 0.0:
-                one, two = (1.0 - alpha * x) / beta, (-1.0 - alpha * x) / beta
-                low, high = max(low, min(one, two)), min(high, max(one, two))
-    return low, high
+                middle, half = -alpha * x / beta, 1.0 / abs(beta)
+                if middle - half > low:
+                    low, low_slope = middle - half, -alpha / beta
+                if middle + half < high:
+                    high, high_slope = middle + half, -alpha / beta
+    return low, high, low_slope, high_slope
 
 
 @njit(NOTHING(READ1, READ1, READ3, F64, F64, WRITE1), cache=True, error_model="numpy")
@@ -346,8 +353,9 @@ def fastest_without_jerk(h, cap, rows, first, last, x):
     """Write the largest x at every knot that caps (n,) and acceleration rows (m, 2, n) allow, between the end values.
 
     Backward, the largest x from which the end can still be reached; forward, the largest of those that can be reached.
-    x is linear on an interval.  The range of controls shrinks as a concave function of x, so the backward step is a
-    Newton iteration from above with the control range as its function (Pham and Pham, TOPP-RA, IEEE T-RO 34 (2018)).
+    x is linear on an interval.  The width of the range of controls is a concave function of x, made of straight lines,
+    so that Newton's iteration from above meets its zero in as many steps as there are lines, at most (Pham and Pham,
+    TOPP-RA, IEEE T-RO 34 (2018)).
     """
     n = h.size
     x[n] = min(last, cap[n])
@@ -359,22 +367,21 @@ def fastest_without_jerk(h, cap, rows, first, last, x):
         if h[k] == 0.0:
             x[k] = min(top, x[k + 1])
             continue
-        below, above = 0.0, top
-        low, high = _control_range(rows, k, h[k], top, x[k + 1])
-        if low > high:
-            for _ in range(60):  # bisection: monotone, and indifferent to which row is active
-                middle = 0.5 * (below + above)
-                low, high = _control_range(rows, k, h[k], middle, x[k + 1])
-                if low > high:
-                    above = middle
-                else:
-                    below = middle
-            top = below
+        for _ in range(2 + 8 * rows.shape[0]):
+            low, high, low_slope, high_slope = _control_range(rows, k, h[k], top, x[k + 1])
+            if not low > high:
+                break
+            closing = low_slope - high_slope
+            following = top - (low - high) / closing if closing > 0.0 else 0.0
+            if not 0.0 < following < top:  # no room at all, or all that rounding leaves
+                top = max(min(following, top), 0.0)
+                break
+            top = following
         x[k] = top
     x[0] = min(x[0], first)
     for k in range(n):
         if h[k] > 0.0:
-            _, high = _control_range(rows, k, h[k], x[k], x[k + 1])
+            _, high, _, _ = _control_range(rows, k, h[k], x[k], x[k + 1])
             x[k + 1] = max(min(x[k + 1], x[k] + 2.0 * h[k] * high), 0.0)
         else:
             x[k + 1] = min(x[k + 1], x[k])

@@ -51,7 +51,7 @@ import numpy as np
 
 from planner.constraints import Constraints
 from planner.errors import SolverError
-from planner.geometry.curve import FloatArray
+from planner.geometry.curve import FloatArray, dot
 
 GAP_TOLERANCE = 1e-5
 _FINEST_GAP, _SMALLEST_SHARE = 1e-10, 1e-3
@@ -59,6 +59,9 @@ _MAX_ITERATIONS = 150
 _FEASIBLE = 1e-9
 _HOPE = 2.0  # weight of the hoped-for gain in the centring
 _LARGEST_FALL = 0.9
+# Slacks at the start are at least this much of a bound, and the start of a warm one is slowed down to this share of it.
+_LEAST_SLACK, _LEAST_WARM_SLACK, _WARM_INSIDE = 0.05, 1e-6, 0.9999
+_WAYPOINT_GAP = 3e-3
 _NO_CAP = 1e300
 
 
@@ -93,12 +96,28 @@ class Solution:
     residual: float
     cpu_s: float = np.nan
     iterate: Iterate | None = None
+    waypoint: Waypoint | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Waypoint:
+    """An interior point on the way to a solution: where to begin a problem that differs by little.
+
+    A solution itself is a bad place to begin.  Its slacks and multipliers have gone to 0, and a small change leaves it on
+    the wrong side of its own constraints.  An iterate whose gap is about as large as the change is well centred for both
+    problems: 4-10 iterations from there, against 9-20 from the law alone.
+
+    ``z (3, p)``: states at all points; ``dual (m, 2, p)``: multipliers.
+    """
+
+    z: FloatArray
+    dual: FloatArray
 
 
 class Iterate:
     """The arrays of one solve, allocated once."""
 
-    def __init__(self, problem: Constraints, z: FloatArray, centring: float, inside: float) -> None:
+    def __init__(self, problem: Constraints, start: FloatArray | Waypoint, centring: float, inside: float) -> None:
         points = problem.cap.size
         velocity = np.zeros((1, 3, points))
         velocity[0, 0] = 1.0 / np.minimum(problem.cap, _NO_CAP)
@@ -109,13 +128,19 @@ class Iterate:
         self.h, self.weight = problem.h, problem.weight
         self.problem = problem
         self.free_start = np.isnan(problem.start)
-        self.z = np.ascontiguousarray(z)
-        self.scale_inside(inside)
+        warm = isinstance(start, Waypoint)
+        self.z = start.z.copy() if isinstance(start, Waypoint) else np.ascontiguousarray(start)
+        self.scale_inside(_WARM_INSIDE if warm else inside)
         bound, y = self.bound_and_value()
-        self.slack = np.ascontiguousarray(np.maximum(np.stack([bound - y, bound + y], axis=1), 0.05))
-        self.time = float(self.weight @ self.z[0] ** -0.5)
-        self.dual = centring * self.time / self.slack.size / self.slack
-        self.gap = centring * self.time
+        least = _LEAST_WARM_SLACK if warm else _LEAST_SLACK
+        self.slack = np.ascontiguousarray(np.maximum(np.stack([bound - y, bound + y], axis=1), least))
+        self.time = float(dot(self.weight, self.z[0] ** -0.5))
+        if isinstance(start, Waypoint):
+            self.dual = start.dual.copy()
+            self.gap = float(dot(self.slack.reshape(-1), self.dual.reshape(-1)))
+        else:
+            self.dual = centring * self.time / self.slack.size / self.slack
+            self.gap = centring * self.time
         self.residual = float(((self.slack[:, 0] + y - bound) / (1.0 + bound)).max())
         self.residual = max(self.residual, float(((self.slack[:, 1] - y - bound) / (1.0 + bound)).max()))
         self.product = np.zeros_like(self.slack)
@@ -146,7 +171,7 @@ class Iterate:
 
 def solve(
     problem: Constraints,
-    start: FloatArray,
+    start: FloatArray | Waypoint,
     *,
     centring: float = 1.0,
     inside: float = 0.95,
@@ -159,8 +184,9 @@ def solve(
     Parameters
     ----------
     problem : Constraints
-    start : (3, 2n - 1) array
-        x, a, c of a cubic spline at all points, x > 0 (see :func:`start_from`).
+    start : (3, 2n - 1) array, or Waypoint
+        x, a, c of a cubic spline at all points, x > 0 (see :func:`start_from`); or where the solution of a problem on the
+        same grid that differs by little came through (``centring`` and ``inside`` then follow from it).
     centring : float
         Initial sum(s l) as a share of the time: 1 for a rough start, 0.1 for a good one.
     inside : float
@@ -185,9 +211,12 @@ def solve(
     tolerance = _tolerance(problem) if tolerance is None else tolerance
     it = Iterate(problem, start, centring, inside)
     status, count = "", 0
+    waypoint: Waypoint | None = None
     while not status:
         count += 1
         status = _iterate(it)
+        if waypoint is None and it.gap < _WAYPOINT_GAP * it.time and it.residual < _FEASIBLE:
+            waypoint = Waypoint(it.z.copy(), it.dual.copy())
         if not status and it.gap < tolerance * it.time and it.residual < _FEASIBLE:
             status = "optimal"
         elif not status and count >= _MAX_ITERATIONS:
@@ -204,7 +233,19 @@ def solve(
     knots = it.z[:, 0::2]
     x, a, c = (row.copy() for row in knots)
     cpu = time.process_time() - began
-    return Solution(x, a, c, it.time, status, count, it.gap / it.time, it.residual, cpu, it)
+    return Solution(x, a, c, it.time, status, count, it.gap / it.time, it.residual, cpu, it, waypoint)
+
+
+def is_global(it: Iterate) -> bool:
+    """Whether the iterate, an optimum, is the global one for sure: Lam <= w at every point.
+
+    The Lagrangian is then a sum of convex functions, so that the point at which it is stationary is its minimum.
+    Coincident points, those of a double knot, count as one.
+    """
+    load = it.dual[it.jerk].sum(axis=(0, 1))
+    place = np.zeros(load.size, dtype=np.intp)
+    place[1:] = np.cumsum(np.repeat(it.h > 0.0, 2))
+    return bool((np.bincount(place, load) <= np.bincount(place, it.weight) * (1.0 + _FEASIBLE)).all())
 
 
 def _tolerance(problem: Constraints) -> float:
@@ -218,7 +259,7 @@ def _iterate(it: Iterate) -> str:
     """One predictor-corrector step; returns why it cannot go on, or ""."""
     from planner.solvers import kernels
 
-    pace = it.z[0] ** -0.5
+    pace = 1.0 / np.sqrt(it.z[0])
     state = (it.rows, it.jerk, it.z, pace, it.slack, it.dual, it.product)
     if not _factor(it, pace):
         return "stalled: the Newton system is singular"
@@ -228,7 +269,7 @@ def _iterate(it: Iterate) -> str:
     kernels.measure(*state, it.affine, pace_step, 0.0, 0.0, True, it.out)
     primal, dual = _length(it.out[0], 1.0), _length(it.out[1], 1.0)
     affine_gap = it.gap + primal * it.out[2] + dual * it.out[3] + primal * dual * it.out[4]
-    hope = -float(it.weight @ pace_step)
+    hope = -float(dot(it.weight, pace_step))
     centring = min(max((affine_gap / it.gap) ** 3, _HOPE * hope / it.gap, 1e-4), 1.0)
     target, corrector = centring * it.gap / it.slack.size, primal * dual
     kernels.condense(*state, target, corrector, False, it.hessian, it.gradient, it.pace_sums)
@@ -241,9 +282,9 @@ def _iterate(it: Iterate) -> str:
     dual = _length(it.out[1], fraction)
     if not (np.isfinite(it.out).all() and primal > 1e-10):
         return "stalled: the step length vanished"
-    new_pace = (it.z[0] + primal * it.step[0]) ** -0.5
+    new_pace = 1.0 / np.sqrt(it.z[0] + primal * it.step[0])
     kernels.advance(*state, it.step, pace_step, new_pace, target, corrector, primal, dual, it.out)
-    it.time, it.gap, it.residual = float(it.weight @ new_pace), float(it.out[0]), float(it.out[1])
+    it.time, it.gap, it.residual = float(dot(it.weight, new_pace)), float(it.out[0]), float(it.out[1])
     return ""
 
 

@@ -23,7 +23,7 @@ import numpy as np
 
 from planner.constraints import Constraints
 from planner.errors import SolverError
-from planner.geometry.curve import FloatArray
+from planner.geometry.curve import FloatArray, dot
 from planner.solvers.optimal import Iterate, _length, _newton, _prepare_ends
 
 _TOLERANCE = 2e-6
@@ -97,7 +97,7 @@ def relaxed_time(problem: Constraints, z: FloatArray) -> float:
     it = Iterate(problem, z.copy(), 0.1, 0.95)
     epigraph = _Epigraph(it, it.gap / (it.slack.size + it.z.shape[1]))
     it.dual[:] = it.gap / (it.slack.size + it.z.shape[1]) / it.slack
-    it.time = float(epigraph.weight @ epigraph.pace)
+    it.time = float(dot(epigraph.weight, epigraph.pace))
     for _ in range(_MAX_ITERATIONS):
         residual = _iterate(it, epigraph)
         if it.gap < _TOLERANCE * it.time and max(it.residual, residual) < _RESIDUAL:
@@ -125,10 +125,14 @@ def _iterate(it: Iterate, epigraph: _Epigraph) -> float:
     dt, dv = epigraph.changes(it, it.affine, dy, 0.0, 0.0)
     primal = min(_length(it.out[0], 1.0), _length(float((-dt / epigraph.slack).max()), 1.0))
     dual = min(_length(it.out[1], 1.0), _length(float((-dv / epigraph.dual).max()), 1.0))
-    gap = it.gap + primal * (it.out[2] + float(dt @ epigraph.dual)) + dual * (it.out[3] + float(epigraph.slack @ dv))
-    gap += primal * dual * (it.out[4] + float(dt @ dv))
+    gap = (
+        it.gap
+        + primal * (it.out[2] + float(dot(dt, epigraph.dual)))
+        + dual * (it.out[3] + float(dot(epigraph.slack, dv)))
+    )
+    gap += primal * dual * (it.out[4] + float(dot(dt, dv)))
     epigraph.product = dt * dv
-    hope = -float(epigraph.weight @ dy)
+    hope = -float(dot(epigraph.weight, dy))
     centring = min(max((gap / it.gap) ** 3, 2.0 * hope / it.gap, 1e-4), 1.0)
     target, corrector = centring * it.gap / (it.slack.size + dt.size), primal * dual
     kernels.condense(*state, target, corrector, False, *sums)
@@ -146,8 +150,8 @@ def _iterate(it: Iterate, epigraph: _Epigraph) -> float:
     epigraph.pace = new_pace
     epigraph.slack = np.maximum(epigraph.slack + primal * dt, new_pace - it.z[0] ** -0.5)
     epigraph.dual = epigraph.dual + dual * dv
-    it.time = float(epigraph.weight @ new_pace)
-    it.gap = float(it.out[0]) + float(epigraph.slack @ epigraph.dual)
+    it.time = float(dot(epigraph.weight, new_pace))
+    it.gap = float(it.out[0]) + float(dot(epigraph.slack, epigraph.dual))
     it.residual = float(it.out[1])
     root = it.z[0] ** -0.5
     return float(((epigraph.slack + root - new_pace) / (1.0 + root)).max())

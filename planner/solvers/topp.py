@@ -52,9 +52,9 @@ def plan_section(section: Section, limits: Limits, intervals: int) -> tuple[Time
     grid = place_knots(blended, guess, intervals)
     plain = replace(section, blend_start=0.0, blend_end=0.0)
     single = np.append(np.diff(grid.sigma) > 0.0, True)
-    sigma = (blended.rest_map(grid.sigma)[0] - plain.y_start)[single]
+    sigma = (blended.position(grid.sigma) - plain.y_start)[single]
     u = grid.u[single]
-    expected = float(np.sum(2.0 * np.diff(guess.length) / (guess.feed[1:] + guess.feed[:-1])))
+    expected = guess.duration
     x = _solve(plain, limits, sigma, u, expected)
     h = np.diff(sigma)
     speed = np.sqrt(x)

@@ -1,0 +1,299 @@
+"""Plan one section: solve on a coarse grid, then on the wanted one, and go on until the law keeps its limits everywhere.
+
+A solver looks at knots and midpoints only.  Between them the law is measured (``law.py``), and what it uses too much is
+given back in three ways, the first that serves:
+
+1.  Where an interval is far too coarse it is halved.
+2.  Where it uses a little more than its limits, these are tightened there by as much, and in the two intervals on either
+    side, where the plan would otherwise seek what it gives up.  The next solve begins where the last one came through
+    (``Waypoint``) and takes half of its iterations; one such round leaves some 1e-5.
+3.  What is left is slowed down uniformly: time scaled by kappa divides velocities by kappa, accelerations by kappa^2 and
+    jerks by kappa^3.  A prescribed feed would change with it; there step 2 is repeated until the limits are met.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from planner.bounds import without_jerk
+from planner.constraints import Constraints, Path, build
+from planner.errors import InfeasibleError, SolverError
+from planner.geometry.curve import FloatArray
+from planner.grid import Grid, Scan, place_knots, resolvable, scan, split, with_blends
+from planner.law import SpeedLaw, TimeNodes, Utilisation, utilisation
+from planner.limits import Limits
+from planner.sections import Section
+from planner.sensitivity import saved_by_one_percent
+from planner.solvers import optimal
+from planner.solvers.optimal import Solution, Waypoint
+
+Progress = Callable[[str, float | None], None]
+
+DEFAULT_INTERVALS = 1000
+MIN_INTERVALS = 24
+_COARSER = 8
+_COARSE_GAP = 1e-2
+_LEAST_GUESS = 1e-6
+# A plan that needs more slowing down than this at the end is refined first.
+_ACCEPTED_SLOWDOWN = 1.0003
+# Beyond the first the grid is too coarse there, and is refined; below, tightening the limits locally is enough.  Where
+# the number of intervals is given, only what is beyond the second is refined.
+_TOO_COARSE, _HOPELESS = 1.004, 1.05
+_MARGIN_STEP = 2e-5
+_MARGIN_REACH = 2
+_MAX_ROUNDS = 6
+# Slowing down is measured at points; the peaks between them are higher by less than this.
+PEAK_MARGIN = 2e-6
+_MET = 1.0 + 2e-8
+_ALMOST_MET = 1.0 + 1e-6
+_PRESCRIBED_MARGIN = 2e-6
+# An interior point needs room above a feed that is prescribed at its limit.
+_PRESCRIBED_ROOM = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class SectionPlan:
+    """A solved section: its time law, a lower bound of its time, and what the solver says of it."""
+
+    nodes: TimeNodes
+    lower_bound: float
+    stats: dict[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """A section with its rest blends, and how it is to be solved."""
+
+    section: Section
+    limits: Limits
+    guess: Scan
+    method: str
+    periodic: bool
+    deadline: float
+    progress: Progress | None
+
+    @property
+    def prescribed(self) -> bool:
+        """A feed is prescribed at one of the ends."""
+        return self.section.has_prescribed_feed
+
+
+@dataclass(frozen=True, eq=False)
+class Margins:
+    """By how much the limits are tightened at each collocation point, so that a plan keeps them between the points.
+
+    ``speed``, ``acceleration``, ``jerk``: (2n - 1,) arrays >= 1.
+    """
+
+    speed: FloatArray
+    acceleration: FloatArray
+    jerk: FloatArray
+
+    @classmethod
+    def uniform(cls, grid: Grid, margin: float) -> Margins:
+        """The same margin everywhere."""
+        return cls(*np.full((3, 2 * grid.sigma.size - 1), margin))
+
+    def raised(self, used: Utilisation, grid: Grid) -> Margins:
+        """Raise the margins where a plan made with these ones used more than its limits."""
+        raised = []
+        for margin, share in ((self.speed, used.speed), (self.acceleration, used.acceleration), (self.jerk, used.jerk)):
+            excess = _by_interval(share, grid)
+            excess = np.where(excess > 1.0, excess * (1.0 + _MARGIN_STEP), 1.0)
+            # What a plan gives up in one interval it would seek in the next ones, so these are tightened with it.
+            for _ in range(_MARGIN_REACH):
+                excess[1:] = np.maximum(excess[1:], excess[:-1])
+                excess[:-1] = np.maximum(excess[:-1], excess[1:])
+            at = np.ones(margin.size)
+            at[1::2] = excess
+            at[2::2] = excess
+            at[0:-1:2] = np.maximum(at[0:-1:2], excess)
+            raised.append(margin * at)
+        return Margins(*raised)
+
+    def apply(self, problem: Constraints) -> Constraints:
+        """Tighten the constraints; a prescribed feed stays attainable."""
+        cap = problem.cap / self.speed**2
+        for value, at in ((problem.start, 0), (problem.end, -1)):
+            if not np.isnan(value):
+                cap[at] = max(cap[at], value * (1.0 + _PRESCRIBED_ROOM))
+        return replace(
+            problem,
+            cap=cap,
+            acceleration=np.ascontiguousarray(problem.acceleration * self.acceleration),
+            jerk=np.ascontiguousarray(problem.jerk * self.jerk),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Attempt:
+    """What one solve gave: the law, what is said of it, and where the next solve may begin."""
+
+    law: SpeedLaw
+    waypoint: Waypoint | None
+    stats: dict[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """A grid with its constraints and the margins they are given."""
+
+    grid: Grid
+    problem: Constraints
+    path: Path
+    margins: Margins
+
+    @classmethod
+    def on(cls, task: Task, grid: Grid) -> Stage:
+        """Build the constraints on a grid."""
+        problem, path = build(task.section, task.limits, grid, task.guess, periodic=task.periodic)
+        return cls(grid, problem, path, Margins.uniform(grid, 1.0 + _PRESCRIBED_MARGIN if task.prescribed else 1.0))
+
+    def solve(self, task: Task, before: Attempt | None, tolerance: float | None = None) -> Attempt:
+        """Solve, from a previous law or from the way to it where there is one."""
+        cold = self.margins.apply(self.problem)
+        problem = cold
+        per_x = (problem.length_unit / problem.time_unit) ** 2
+        if before is not None:
+            floor = _LEAST_GUESS * float(before.law.x.min())
+            problem = replace(problem, guess=np.maximum(before.law.at(self.grid.sigma), floor) / per_x)
+        waypoint = before.waypoint if before else None
+        try:
+            solution = _run(task, problem, waypoint, before is not None, tolerance)
+            if before is not None and solution.status.startswith("stalled"):
+                # A coarse law that fits the finer grid badly is a worse start than none.
+                again = _run(task, cold, None, False, tolerance)
+                solution = again if again.time < solution.time else solution
+        except SolverError as error:
+            if not task.prescribed:
+                raise
+            raise InfeasibleError(_not_attainable(task.section, error)) from None
+        scale = problem.length_unit
+        x, a, c = solution.x * per_x, solution.a * per_x / scale, solution.c * per_x / scale**2
+        return Attempt(SpeedLaw(self.grid.sigma, x, a, c), solution.waypoint, self._stats(task, solution))
+
+    def _stats(self, task: Task, solution: Solution) -> dict[str, Any]:
+        stats = {"status": solution.status, "iterations": solution.iterations, "gap": solution.gap}
+        stats |= {"residual": solution.residual, "intervals": self.grid.intervals, "solve_cpu_s": solution.cpu_s}
+        if solution.iterate is not None:
+            saved = saved_by_one_percent(solution.iterate, self.path, task.limits, task.section.curve.axes)
+            stats["saved_by_one_percent"] = {name: value * self.problem.time_unit for name, value in saved.items()}
+            stats["proven_global"] = solution.status == "optimal" and optimal.is_global(solution.iterate)
+        return stats
+
+    def next(self, task: Task, attempt: Attempt, used: Utilisation, *, may_split: bool) -> tuple[Stage, Attempt]:
+        """Refine the grid or tighten the limits where an attempt used too much; and what the next one begins with."""
+        if may_split:
+            finer = split(task.section, self.grid, _by_interval(used.slowdown, self.grid) > _ACCEPTED_SLOWDOWN)
+            return Stage.on(task, finer), replace(attempt, waypoint=None)
+        tighter = replace(self, margins=self.margins.raised(used, self.grid))
+        return tighter, replace(attempt, waypoint=None) if task.prescribed else attempt
+
+
+def plan_section(
+    section: Section,
+    limits: Limits,
+    *,
+    method: str,
+    periodic: bool,
+    deadline: float,
+    intervals: int | None,
+    progress: Progress | None,
+) -> SectionPlan:
+    """Plan one section by the method optimal or nlp, see the sketch above.
+
+    Raises
+    ------
+    InfeasibleError
+        If a prescribed feed is not attainable.
+    SolverError
+        If no plan was found, or none that keeps the limits with the feeds prescribed.
+    """
+    wanted = intervals or DEFAULT_INTERVALS
+    guess = scan(section, limits, wanted)
+    most = resolvable(guess)
+    notes = []
+    if wanted > most:
+        notes.append(
+            f"{wanted} intervals asked for, {most} used: in a plan of {guess.duration:.3g} s closer nodes differ by "
+            "little more than rounding"
+        )
+        wanted = most
+    section = with_blends(section, guess)
+    task = Task(section, limits, guess, method, periodic, deadline, progress)
+    attempt: Attempt | None = None
+    if method == "optimal":
+        coarse = Stage.on(task, place_knots(section, guess, max(MIN_INTERVALS, wanted // _COARSER)))
+        attempt = replace(coarse.solve(task, None, _COARSE_GAP), waypoint=None)
+        del coarse  # a long path needs the memory
+    stage = Stage.on(task, place_knots(section, guess, wanted))
+    spent = attempt.stats["solve_cpu_s"] if attempt else 0.0
+    best: SectionPlan | None = None
+    for round_ in range(_MAX_ROUNDS):
+        attempt = stage.solve(task, attempt)
+        spent += attempt.stats["solve_cpu_s"]
+        nodes = attempt.law.nodes(stage.path)
+        used = utilisation(section.curve, limits, nodes)
+        slowdown = float(used.slowdown.max())
+        kappa = 1.0 if task.prescribed else max(1.0, slowdown * (1.0 + PEAK_MARGIN))
+        duration = kappa * float(nodes.t[-1])
+        if best is None or (slowdown < best.stats["slowdown"] if task.prescribed else duration < best.nodes.t[-1]):
+            stats = {**attempt.stats, "slowdown": slowdown, "rounds": round_ + 1, "notes": notes}
+            best = SectionPlan(nodes.dilated(kappa), np.nan, stats)
+        accepted = slowdown <= (_MET if task.prescribed else _ACCEPTED_SLOWDOWN)
+        if accepted or time.perf_counter() > deadline:
+            break
+        may_split = slowdown > (_TOO_COARSE if intervals is None else _HOPELESS) and stage.grid.intervals < most
+        stage, attempt = stage.next(task, attempt, used, may_split=may_split)
+    if best is None:
+        raise SolverError("no round of refinement was run")
+    if task.prescribed and best.stats["slowdown"] > _ALMOST_MET:
+        raise SolverError(
+            f"the plan from start_feed = {section.start_feed or 0.0:g} to end_feed = {section.end_feed or 0.0:g} mm/s "
+            f"still exceeds its limits, {best.stats['slowdown']:.6g} times as fast as allowed; try other feeds or more "
+            "intervals"
+        )
+    best.stats["solve_cpu_s"] = spent
+    bound = without_jerk(section, limits, stage.grid)[1]
+    return replace(best, lower_bound=min(bound, float(best.nodes.t[-1])))
+
+
+def _run(
+    task: Task, problem: Constraints, waypoint: Waypoint | None, has_law: bool, tolerance: float | None
+) -> Solution:
+    if task.method == "nlp":
+        from planner.solvers import nlp
+
+        return nlp.solve(problem)
+    return optimal.solve(
+        problem,
+        waypoint or optimal.start_from(problem, problem.guess),
+        centring=0.1 if has_law else 1.0,
+        tolerance=tolerance,
+        deadline=task.deadline,
+        progress=task.progress,
+    )
+
+
+def _not_attainable(section: Section, error: SolverError) -> str:
+    length = float(np.diff(section.curve.arclength.s([section.u_start, section.u_end]))[0])
+    return (
+        f"no plan found from start_feed = {section.start_feed or 0.0:g} to end_feed = {section.end_feed or 0.0:g} mm/s "
+        f"between u = {section.u_start:.6g} and {section.u_end:.6g} (length {length:.6g} mm): {error}; a prescribed feed "
+        "must be attainable under the limits, lower it"
+    )
+
+
+def _by_interval(values: FloatArray, grid: Grid) -> FloatArray:
+    """Largest value of the two halves of each solver interval; 0 for empty ones."""
+    full = np.diff(grid.sigma) > 0.0
+    out = np.zeros(full.size)
+    # nodes: knot, midpoint, knot, ...; an empty interval has one entry, a full one two
+    first = np.cumsum(np.where(full, 2, 1)) - np.where(full, 2, 1)
+    out[full] = np.maximum(values[first[full]], values[first[full] + 1])
+    return out
