@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from interp import kernels
 from interp.kernels import quintic_step, taylor_step
 from planner.errors import InputError
-from planner.geometry.curve import FloatArray, Pieces
+from planner.geometry.curve import Curve, FloatArray, Pieces
 from planner.profile import FeedrateProfile, quintic_coefficients
 
 __all__ = ["InterpolatorTable", "TaylorTable", "last_sample", "quintic_step", "start", "taylor_step"]
@@ -87,7 +87,8 @@ class InterpolatorTable:
             If the curve parameter of the plan falls back somewhere.
         """
         axes = profile.curve.pieces
-        return cls(_segments(profile, axes.breaks), _packed(axes), *_course(profile))
+        pieces = packed_pieces(axes.breaks, axes.coefficients, rational=axes.rational)
+        return cls(_segments(profile, axes.breaks), pieces, *_course(profile))
 
     @property
     def dim(self) -> int:
@@ -131,13 +132,7 @@ class TaylorTable:
         Between two nodes V(t) is the cubic that takes the feed and the acceleration of both, which is exact where the
         jerk is constant; where it is not, points are added until V(t) is the plan's to nine digits.
         """
-        curve = profile.curve
-        axes, tip = curve.pieces, curve.tip.pieces
-        if curve.tip is curve:
-            return cls(_feed(profile), _packed(axes), *_course(profile))
-        breaks = np.union1d(axes.breaks, tip.breaks)
-        pieces = _packed(_refined(axes, breaks), _refined(tip, breaks))
-        return cls(_feed(profile), pieces, *_course(profile))
+        return cls(_feed(profile), packed_curve(profile.curve), *_course(profile))
 
     @property
     def dim(self) -> int:
@@ -226,14 +221,34 @@ def _course(profile: FeedrateProfile) -> tuple[float, tuple[float, float], Float
     return profile.duration, (float(u[0]), float(u[1])), profile.curve.derivatives(u, 0)[0]
 
 
-def _packed(axes: Pieces, tip: Pieces | None = None) -> FloatArray:
-    """Lay pieces out as ``interp.kernels`` reads them; the tip's, where there are any, have the breaks of the axes'."""
-    parts = [axes.coefficients if axes.rational or tip else axes.coefficients[:, :-1]]
+def packed_curve(curve: Curve) -> FloatArray:
+    """Lay out the machine axes of a curve and, where it is not made of these, its tool tip as compiled steps read them.
+
+    Returns
+    -------
+    (m + 1, rows, degree + 1) array
+        *Pieces* of ``interp.kernels``.
+    """
+    axes, tip = curve.pieces, curve.tip.pieces
+    if curve.tip is curve:
+        return packed_pieces(axes.breaks, axes.coefficients, rational=axes.rational)
+    breaks = np.union1d(axes.breaks, tip.breaks)
+    return packed_pieces(breaks, _refined(axes, breaks), _refined(tip, breaks))
+
+
+def packed_pieces(
+    breaks: FloatArray, axes: FloatArray, tip: FloatArray | None = None, *, rational: bool = True
+) -> FloatArray:
+    """Lay coefficients (m, dim + 1, degree + 1) of the axes, and of a tip, out as ``interp.kernels`` reads them.
+
+    The denominator of the axes is left out where it is 1 and there is no tip behind it.
+    """
+    parts = [axes if rational or tip is not None else axes[:, :-1]]
     if tip is not None:
-        parts.append(tip.coefficients)
+        parts.append(tip)
     size = max(2, *(part.shape[2] for part in parts))
-    packed = np.zeros((axes.breaks.size, 1 + sum(part.shape[1] for part in parts), size))
-    packed[:-1, 0, 0], packed[:-1, 0, 1] = axes.breaks[:-1], np.diff(axes.breaks)
+    packed = np.zeros((breaks.size, 1 + sum(part.shape[1] for part in parts), size))
+    packed[:-1, 0, 0], packed[:-1, 0, 1] = breaks[:-1], np.diff(breaks)
     packed[-1, 0, 0] = np.inf
     row = 1
     for part in parts:
@@ -243,15 +258,15 @@ def _packed(axes: Pieces, tip: Pieces | None = None) -> FloatArray:
     return packed
 
 
-def _refined(pieces: Pieces, breaks: FloatArray) -> Pieces:
-    """Cut pieces at more breaks: on a part [lo, lo + scale] of [0, 1], w = lo + scale x."""
+def _refined(pieces: Pieces, breaks: FloatArray) -> FloatArray:
+    """Coefficients of pieces cut at more breaks: on a part [lo, lo + scale] of [0, 1], w = lo + scale x."""
     owner = np.searchsorted(pieces.breaks, breaks[:-1], side="right") - 1
     width = np.diff(pieces.breaks)[owner]
     lo, scale = (breaks[:-1] - pieces.breaks[owner]) / width, np.diff(breaks) / width
     powers = pieces.coefficients.shape[2]
     shifted = _expanded(pieces.coefficients[owner].transpose(2, 0, 1), lo[:, None])
     shifted *= scale[:, None] ** np.arange(powers)[:, None, None]
-    return Pieces(breaks, np.ascontiguousarray(shifted.transpose(1, 2, 0)), pieces.rational)
+    return np.ascontiguousarray(shifted.transpose(1, 2, 0))
 
 
 def _intervals(profile: FeedrateProfile) -> tuple[NDArray[np.intp], FloatArray]:
