@@ -219,7 +219,7 @@ def _collect(sections: list[Section], plans: list[SectionPlan], limits: Limits, 
     every = [plan.stats for plan in plans]
     status = next((s["status"] for s in every if s["status"] not in {"optimal", "feasible"}), every[0]["status"])
     stats: dict[str, Any] = {"status": status, "period": limits.period, "notes": notes, "sections": len(sections)}
-    for key in ("iterations", "intervals", "solve_cpu_s"):
+    for key in ("iterations", "intervals", "solve_cpu_s", "first_solve_cpu_s"):
         stats[key] = sum(s.get(key, 0) for s in every)
     for key in ("gap", "residual", "rounds", "slowdown"):
         found = [s[key] for s in every if key in s]

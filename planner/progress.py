@@ -6,8 +6,7 @@ import sys
 import threading
 from collections.abc import Iterable
 from importlib import import_module
-from pathlib import Path
-from types import ModuleType, TracebackType
+from types import TracebackType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -15,6 +14,10 @@ if TYPE_CHECKING:
 
 _PATIENCE = 1.0  # s; what is quicker needs no explanation
 _LOADING = 2.5  # s; compiled kernels load within one, to compile them takes some twenty
+
+
+# What planning, checking and replaying a curve need; other commands name theirs beside these.
+PLAN_KERNELS = ("planner.geometry.kernels", "planner.kernels", "planner.solvers.kernels", "interp.kernels")
 
 
 class ProgressLine:
@@ -71,26 +74,17 @@ class ProgressLine:
             progress.update(task, description=self._message, total=total, completed=self._fraction or 0.0)
 
 
-def load_kernels(*packages: ModuleType) -> None:
-    """Import every ``kernels.py`` of these packages; say so if they have to be compiled first."""
+def load_kernels(modules: Iterable[str] = PLAN_KERNELS) -> None:
+    """Import these modules of compiled code; say so if they have to be compiled first."""
     import_module("numba")  # takes a while itself, but compiles nothing
     timer = threading.Timer(_LOADING, _say_compiling)
     timer.daemon = True
     timer.start()
     try:
-        for name in _kernel_modules(packages):
+        for name in modules:
             import_module(name)
     finally:
         timer.cancel()
-
-
-def _kernel_modules(packages: Iterable[ModuleType]) -> list[str]:
-    return [
-        ".".join((package.__name__, *file.relative_to(folder).with_suffix("").parts))
-        for package in packages
-        for folder in map(Path, package.__path__)
-        for file in sorted(folder.rglob("kernels.py"))
-    ]
 
 
 def _say_compiling() -> None:

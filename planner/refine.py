@@ -233,10 +233,12 @@ def plan_section(
         del coarse  # a long path needs the memory
     stage = Stage.on(task, place_knots(section, guess, wanted))
     spent = attempt.stats["solve_cpu_s"] if attempt else 0.0
+    first = 0.0
     best: SectionPlan | None = None
     for round_ in range(_MAX_ROUNDS):
         attempt = stage.solve(task, attempt)
         spent += attempt.stats["solve_cpu_s"]
+        first = first or spent
         nodes = attempt.law.nodes(stage.path)
         used = utilisation(section.curve, limits, nodes)
         slowdown = float(used.slowdown.max())
@@ -258,7 +260,7 @@ def plan_section(
             f"still exceeds its limits, {best.stats['slowdown']:.6g} times as fast as allowed; try other feeds or more "
             "intervals"
         )
-    best.stats["solve_cpu_s"] = spent
+    best.stats["solve_cpu_s"], best.stats["first_solve_cpu_s"] = spent, first
     bound = without_jerk(section, limits, stage.grid)[1]
     return replace(best, lower_bound=min(bound, float(best.nodes.t[-1])))
 

@@ -17,7 +17,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import interp
 import planner
 import planner.progress
 from planner import check, load_curve, load_limits, read_table, write_table
@@ -32,7 +31,7 @@ HEAVY = ("numpy", "scipy", "casadi", "numba", "matplotlib", "pydantic", "toppra"
 @pytest.fixture(scope="module", autouse=True)
 def _compiled():
     """Compile before standard error is looked at."""
-    planner.progress.load_kernels(planner, interp)
+    planner.progress.load_kernels()
 
 
 @pytest.fixture
@@ -447,16 +446,16 @@ class TestProgress:
 
     def test_every_compiled_module_is_loaded_at_once(self):
         code = (
-            "import sys, interp, planner, planner.progress\nplanner.progress.load_kernels(planner, interp)\n"
+            "import sys, planner.progress\nplanner.progress.load_kernels()\n"
             "assert {'planner.geometry.kernels', 'interp.kernels'} <= set(sys.modules)"
         )
         subprocess.run([sys.executable, "-c", code], check=True)
 
     def test_compiling_is_announced_once_it_takes_long(self, monkeypatch, capsys):
         monkeypatch.setattr(planner.progress, "_LOADING", 0.01)
-        planner.progress.load_kernels(planner, interp)
+        planner.progress.load_kernels()
         time.sleep(0.05)
         assert capsys.readouterr().err == ""
         monkeypatch.setattr(planner.progress, "import_module", lambda _name: time.sleep(0.1))
-        planner.progress.load_kernels(planner, interp)
+        planner.progress.load_kernels()
         assert capsys.readouterr().err == "compiling the kernels (first run only, about 20 s)\n"

@@ -1,0 +1,191 @@
+"""What all commands share: the application, types of arguments, exit codes, loading and the verdict.
+
+Exit codes: 0 every limit holds, 1 a limit is broken, 2 bad input, 3 no plan was found, 130 interrupted.  Nothing
+heavier than typer loads before a command runs.
+"""
+
+from __future__ import annotations
+
+import math
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING, Annotated, NoReturn
+
+import typer
+
+from planner import __version__
+from planner.errors import FeedrateError, InputError
+from planner.output import require_writable
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+    from planner.geometry.curve import Curve
+    from planner.limits import Limits
+    from planner.profile import FeedrateProfile
+    from planner.progress import ProgressLine
+    from planner.verdict import Verdict
+
+BROKEN, BAD_INPUT, NO_PLAN, INTERRUPTED = 1, 2, 3, 130
+
+_HELP = """\
+Time-optimal, jerk-limited feedrate plans for parametric tool paths.
+
+A CURVE is a name that "feedplan curves" lists, or a .json or .toml file.
+A machine is a .toml file, or one of the examples "mill" and "five-axis".
+Lengths are in mm, angles in rad, times in s.
+"""
+_EXAMPLES = """\
+\b
+Examples:
+  feedplan curves
+  feedplan plan butterfly-nurbs -o table.csv --plot plan.png
+  feedplan check table.csv butterfly-nurbs --machine mill.toml
+  feedplan replay table.csv butterfly-nurbs --period-s 0.001 -o samples.csv
+
+\b
+Exit codes: 0 every limit holds, 1 a limit is broken, 2 bad input,
+3 no plan was found.
+"""
+
+app = typer.Typer(
+    help=_HELP,
+    epilog=_EXAMPLES,
+    rich_markup_mode=None,  # rich would double the time --help takes
+    pretty_exceptions_enable=False,
+    add_completion=False,
+    no_args_is_help=True,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+CurveName = Annotated[str, typer.Argument(metavar="CURVE", help="Name of a curve, or a .json or .toml file.")]
+TableFile = Annotated[Path, typer.Argument(metavar="TABLE", help="Feedrate table, .csv or .npz.")]
+Scale = Annotated[float, typer.Option(help="Multiplies the linear axes of the curve.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print the verdict as JSON and nothing else.")]
+Machine = Annotated[str | None, typer.Option(metavar="FILE", help="Machine file, .toml, or an example machine.")]
+
+
+def main() -> None:
+    """Run the command line."""
+    try:
+        app(prog_name="feedplan")
+    except KeyboardInterrupt:
+        sys.exit(INTERRUPTED)
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"feedplan {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    pass
+
+
+@contextmanager
+def exits() -> Iterator[None]:
+    """Turn what we raise on purpose into a line on standard error and an exit code; the rest keeps its traceback."""
+    interrupted = False
+
+    def remember(number: int, frame: FrameType | None) -> NoReturn:
+        # A solver in compiled code may report an interrupt as a failure of its own.
+        nonlocal interrupted
+        interrupted = True
+        raise KeyboardInterrupt
+
+    previous = signal.signal(signal.SIGINT, remember)
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise typer.Exit(INTERRUPTED) from None
+    except FeedrateError as error:
+        if interrupted:
+            raise typer.Exit(INTERRUPTED) from None
+        typer.echo(f"error: {error}", err=True)
+        raise typer.Exit(BAD_INPUT if isinstance(error, InputError) else NO_PLAN) from None
+    finally:
+        signal.signal(signal.SIGINT, previous)
+
+
+def require_outputs(table: Path | None, plot: Path | None) -> None:
+    """Refuse an output that could not be written before the work begins."""
+    if table is not None:
+        from planner.tablefile import file_format
+
+        file_format(table)
+        require_writable(table)
+    if plot is not None:
+        from planner.plots import figure_format
+
+        figure_format(plot)
+        require_writable(plot)
+
+
+def load(
+    curve: str, scale: float, machine: str | None, feed: float | None, period: float | None
+) -> tuple[Curve, Limits, str]:
+    """Load curve and limits; without a machine, the example that has the curve's axes."""
+    from planner import load_curve, load_limits
+    from planner.geometry.curve import ROTARY_AXES
+
+    path = load_curve(curve, scale=scale)
+    example = "five-axis" if ROTARY_AXES & set(path.axes) else "mill"
+    limits = load_limits(machine or example).for_curve(path)
+    if feed is not None:
+        limits = limits.with_feed(feed)
+    if period is not None:
+        limits = limits.with_period(period)
+    return path, limits, machine or f"{example} (example machine)"
+
+
+def judge(
+    profile: FeedrateProfile,
+    limits: Limits,
+    machine: str,
+    line: ProgressLine,
+    *,
+    seconds: float = math.nan,
+    files: tuple[str, ...] = (),
+) -> Verdict:
+    """Check a plan and the samples of it, each on its own."""
+    import interp
+    from planner.check import check as check_plan
+    from planner.verdict import Verdict
+
+    curve = profile.curve
+    line("checking the plan")
+    plan_report = check_plan(curve, limits, profile)
+    line("checking the samples")
+    samples = interp.replay(curve, profile, limits.period)
+    samples_report = check_plan(curve, limits, samples)
+    return Verdict(profile, limits, machine, samples, plan_report, samples_report, seconds, files)
+
+
+def report_verdict(verdict: Verdict, as_json: bool) -> None:
+    """Print the verdict and leave with its exit code."""
+    from planner.verdict import to_json, to_text
+
+    if as_json:
+        typer.echo(to_json(verdict))
+    else:
+        show(to_text(verdict))
+    if not verdict.ok:
+        raise typer.Exit(BROKEN)
+
+
+def show(text: RenderableType) -> None:
+    """Print on standard output, nothing highlighted."""
+    from rich.console import Console
+
+    Console(highlight=False, markup=False, emoji=False).print(text)
