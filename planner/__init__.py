@@ -31,9 +31,13 @@ if TYPE_CHECKING:
     )
     from planner.geometry.catalog import CATALOG, load_curve
     from planner.geometry.curve import Break, Curve
+    from planner.geometry.drawing import FittedCurve, read_dxf, read_points
     from planner.limits import FeedrateLimits, Limits, feedrate_limits, load_limits
+    from planner.ngc import WrittenProgram, write_ngc
     from planner.plan import plan_feedrate
     from planner.profile import FeedrateProfile, ProfileStates, Samples
+    from planner.programs.program import Program
+    from planner.programs.reader import read_program
     from planner.tables import read_table, table_limits, write_table
 
 __all__ = [
@@ -44,23 +48,30 @@ __all__ = [
     "FeedrateError",
     "FeedrateLimits",
     "FeedrateProfile",
+    "FittedCurve",
     "InfeasibleError",
     "InputError",
     "Limits",
     "ProfileStates",
+    "Program",
     "Report",
     "Row",
     "Samples",
     "SolverError",
     "StalledError",
+    "WrittenProgram",
     "certify",
     "check",
     "feedrate_limits",
     "load_curve",
     "load_limits",
     "plan_feedrate",
+    "read_dxf",
+    "read_points",
+    "read_program",
     "read_table",
     "table_limits",
+    "write_ngc",
     "write_table",
 ]
 
@@ -72,9 +83,13 @@ _HOME = {
     "errors": ("CurveError", "FeedrateError", "InfeasibleError", "InputError", "SolverError", "StalledError"),
     "geometry.catalog": ("CATALOG", "load_curve"),
     "geometry.curve": ("Break", "Curve"),
+    "geometry.drawing": ("FittedCurve", "read_dxf", "read_points"),
     "limits": ("FeedrateLimits", "Limits", "feedrate_limits", "load_limits"),
+    "ngc": ("WrittenProgram", "write_ngc"),
     "plan": ("plan_feedrate",),
     "profile": ("FeedrateProfile", "ProfileStates", "Samples"),
+    "programs.program": ("Program",),
+    "programs.reader": ("read_program",),
     "tables": ("read_table", "table_limits", "write_table"),
 }
 _MODULE_OF = {name: f"{__name__}.{module}" for module, names in _HOME.items() for name in names}

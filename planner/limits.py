@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from planner.errors import InputError
 from planner.geometry.curve import AXES, ROTARY_AXES, Curve, FloatArray, Side, axis_names
 from planner.geometry.inputs import numbers, positive_number, read_text, shorten
+from planner.machine_ini import machine_table
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -222,16 +223,17 @@ def chord_feed_limit(curvature: FloatArray, limits: Limits) -> FloatArray:
 
 
 def load_limits(path: str | Path) -> Limits:
-    """Load a machine file (TOML), or one of the example machines by name.
+    """Load a machine file (TOML, or the INI of a LinuxCNC machine), or one of the example machines by name.
 
     Keys: ``feed_mm_s``, ``chord_error_mm``, ``period_s``, ``tangential_acceleration_mm_s2``,
     ``tangential_jerk_mm_s3``, and one ``[[axis]]`` each with ``name``, ``velocity_mm_s``, ``acceleration_mm_s2``,
     ``jerk_mm_s3`` (``_rad_s``, ``_rad_s2``, ``_rad_s3`` for the rotary axes A, B, C).  ``inf`` means no limit.
+    For what is read of an INI file see :mod:`planner.machine_ini`.
 
     Parameters
     ----------
     path : str or Path
-        A ``.toml`` file, or one of :data:`EXAMPLE_MACHINES`.
+        A ``.toml`` or ``.ini`` file, or one of :data:`EXAMPLE_MACHINES`.
 
     Returns
     -------
@@ -251,6 +253,8 @@ def load_limits(path: str | Path) -> Limits:
         if isinstance(path, str) and not Path(path).suffix:
             raise InputError(f"{error}; the example machines are {', '.join(EXAMPLE_MACHINES)}") from None
         raise
+    if Path(path).suffix.lower() == ".ini":
+        return _limits_from_table(machine_table(text, str(path)), str(path))
     return _limits_from_toml(text, str(path))
 
 
@@ -259,6 +263,10 @@ def _limits_from_toml(text: str, where: str) -> Limits:
         table = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         raise InputError(f"{where}: not a valid TOML file ({error})") from None
+    return _limits_from_table(table, where)
+
+
+def _limits_from_table(table: dict[str, Any], where: str) -> Limits:
     machine, linear, rotary = _file_models()
     axes = table.pop("axis", [])
     head = _validated(machine, table, where, "")

@@ -286,7 +286,7 @@ class TestBadFiles:
             load_curve("a\0b.json")
         with pytest.raises(CurveError, match="cannot be read"):
             load_curve("x" * 5000 + ".json")
-        with pytest.raises(CurveError, match=r"neither a \.json or \.toml file nor a name"):
+        with pytest.raises(CurveError, match=r"neither a \.json, \.toml, \.dxf or \.csv file nor a name"):
             load_curve(tmp_path)
 
     @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no named pipes")

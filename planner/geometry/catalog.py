@@ -8,7 +8,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,7 +16,11 @@ from planner.errors import CurveError, InputError
 from planner.geometry.curve import Curve
 from planner.geometry.inputs import positive_number, read_text
 
+if TYPE_CHECKING:
+    from planner.geometry.nurbs import NurbsCurve
+
 CATALOG = ("teardrop", "hypotrochoid", "snailshell", "butterfly", "circle", "butterfly-nurbs", "flank")
+_POINTS_TOLERANCE_MM = 1e-3
 _AXIS_KEYS = ("x", "y", "z", "a", "b", "c")
 _MACHINE = "table-tilting ac"
 _REMARKS = ("name", "note", "units", "source", "dim", "type", "knots_4digit")
@@ -37,6 +41,8 @@ def load_curve(source: str | Path, *, scale: float = 1.0) -> Curve:
     source : str or Path
         One of :data:`CATALOG`, or the path of a ``.json`` or ``.toml`` file.  In a file the object under ``curve``
         counts (or the file itself, where there is none): ``type`` is ``nurbs``, ``formula`` or ``dual_bspline_5axis``.
+        A ``.dxf`` file is read by :func:`~planner.geometry.drawing.read_dxf`, a ``.csv`` file of points by
+        :func:`~planner.geometry.drawing.read_points` within 1 um.
     scale : float
         Multiplies the linear axes.
 
@@ -58,13 +64,33 @@ def load_curve(source: str | Path, *, scale: float = 1.0) -> Curve:
         text = resources.files("planner").joinpath(f"data/curves/{source}.json").read_text(encoding="utf-8")
         return _from_table(json.loads(text)["curve"], source, scale)
     kind = Path(source).suffix.lower() if isinstance(source, str | os.PathLike) else ""
+    if kind in {".dxf", ".csv"}:
+        return _scaled(_from_drawing(source, kind), scale)
     if kind not in {".json", ".toml"}:
-        raise CurveError(f"curve {str(source)!r} is neither a .json or .toml file nor a name: {', '.join(CATALOG)}")
+        raise CurveError(
+            f"curve {str(source)!r} is neither a .json, .toml, .dxf or .csv file nor a name: {', '.join(CATALOG)}"
+        )
     table = _read(source, kind)
     inner = table.get("curve", table)
     if not isinstance(inner, dict):
         raise CurveError(f'{source}: "curve" must be an object with the keys of a curve')
     return _from_table(inner, Path(source).stem, scale)
+
+
+def _from_drawing(source: str | Path, kind: str) -> NurbsCurve:
+    from planner.geometry.drawing import read_dxf, read_points
+
+    return read_dxf(source) if kind == ".dxf" else read_points(source, _POINTS_TOLERANCE_MM)
+
+
+def _scaled(curve: NurbsCurve, scale: float) -> NurbsCurve:
+    """The same curve with its linear axes multiplied."""
+    from planner.geometry.nurbs import NurbsCurve
+
+    if scale == 1.0:
+        return curve
+    factors = np.array([scale if unit == "mm" else 1.0 for unit in curve.axis_units])
+    return NurbsCurve(curve.control_points * factors, curve.knots, curve.degree, curve.weights, curve.axes, curve.name)
 
 
 def _read(source: str | Path, kind: str) -> dict[str, Any]:
@@ -118,11 +144,7 @@ def _nurbs(table: Mapping[str, Any], name: str, scale: float) -> Curve:
     weights, axes = table.get("weights"), table.get("axes")
     if axes is not None and not isinstance(axes, list):
         raise CurveError(f"{name}: axes = {axes!r} must be a list of names")
-    if scale == 1.0:
-        return NurbsCurve(points, knots, degree, weights, axes, name)
-    curve = NurbsCurve(points, knots, degree, weights, axes, name, rests_allowed=True)
-    factors = np.array([scale if unit == "mm" else 1.0 for unit in curve.axis_units])
-    return NurbsCurve(curve.control_points * factors, curve.knots, curve.degree, curve.weights, curve.axes, name)
+    return _scaled(NurbsCurve(points, knots, degree, weights, axes, name, rests_allowed=scale != 1.0), scale)
 
 
 def _formula(table: Mapping[str, Any], name: str, scale: float) -> Curve:

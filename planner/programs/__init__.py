@@ -1,0 +1,1 @@
+"""Part programs: read, made into a path within tolerance, timed by the line."""

@@ -1,0 +1,123 @@
+"""Compiled parts of the reader: characters into words, and which moves are long enough to be one."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, types
+
+U8, F64, I32, I64 = types.uint8, types.float64, types.int32, types.int64
+READ_BYTES = types.Array(U8, 1, "C", readonly=True)
+READ2 = types.Array(F64, 2, "C", readonly=True)
+BYTES, INDICES, COUNTS, FLOATS = (types.Array(t, 1, "C") for t in (U8, I32, I64, F64))
+
+# What can be wrong with a character; 0 is nothing.
+BYTE, CHARACTER, NO_LETTER, NO_NUMBER, OPEN_COMMENT = 1, 2, 3, 4, 5
+
+# Digits beyond the 17th do not change a double; 10^22 is the largest power of ten that is one exactly.
+_LARGEST_MANTISSA = 10**17
+_POWERS = np.array([float(10**k) for k in range(23)])
+
+
+@njit(I64(READ_BYTES, I64, U8), cache=True)
+def _comment_end(text, i, close):
+    """Index of the character that closes a comment opened at i, or -1 - index of the one that must not be there."""
+    for j in range(i + 1, text.size):
+        c = text[j]
+        if c == close:
+            return j
+        control = (c < 32 and c != 9 and c != 13) or c == 127  # noqa: PLR1714 (a set is slow in compiled code)
+        if control or (c == 40 and close == 41):
+            return -1 - j
+    return text.size if close == 10 else -1 - text.size
+
+
+@njit(types.Tuple((F64, I64, I64))(READ_BYTES, I64), cache=True)
+def _number(text, j):
+    """The decimal number at an offset: its value, where it ends, and how many digits it has."""
+    size = text.size
+    sign = -1.0 if j < size and text[j] == 45 else 1.0
+    if j < size and (text[j] == 45 or text[j] == 43):
+        j += 1
+    mantissa, decimals, dropped, digits, dot = 0, 0, 0, 0, False
+    while j < size and (48 <= text[j] <= 57 or (text[j] == 46 and not dot)):
+        if text[j] == 46:
+            dot = True
+        else:
+            digits += 1
+            if mantissa < _LARGEST_MANTISSA:
+                mantissa = 10 * mantissa + (I64(text[j]) - 48)
+                decimals += dot
+            else:
+                dropped += not dot
+        j += 1
+    scale = _POWERS[decimals] if decimals <= 22 else 10.0**decimals
+    value = sign * (mantissa / scale)
+    if dropped > 0:
+        value *= 10.0**dropped
+    return value, j, digits
+
+
+@njit(I64(U8), cache=True)
+def _stray(c):
+    """What is wrong with a character that starts no word."""
+    if 48 <= c <= 57 or c == 43 or c == 45 or c == 46:  # noqa: PLR1714
+        return NO_LETTER
+    return CHARACTER if 32 < c < 127 else BYTE
+
+
+@njit(I64(READ_BYTES, BYTES, FLOATS, INDICES, INDICES, INDICES, COUNTS), cache=True)
+def scan_words(text, letter, value, first, stop, line, fault):
+    """Split text into words, a letter and a number each; returns how many.
+
+    ``first`` and ``stop`` are the offsets of a word in the text, ``line`` counts from 0.  A % is a word without a
+    number.  At the first character that fits nowhere the scan ends with ``fault`` = (what, offset, line).
+    """
+    n = 0
+    at_line = 0
+    i = 0
+    while i < text.size:
+        c = text[i]
+        if c == 10 or c == 32 or c == 9 or c == 13:  # noqa: PLR1714
+            at_line += c == 10
+            i += 1
+            continue
+        if c == 40 or c == 59:  # noqa: PLR1714 (these open a comment)
+            end = _comment_end(text, i, U8(41) if c == 40 else U8(10))
+            if end < 0:
+                bad = -1 - end
+                open_ended = bad >= text.size or text[bad] == 10 or text[bad] == 40
+                fault[0], fault[1], fault[2] = (OPEN_COMMENT, i, at_line) if open_ended else (BYTE, bad, at_line)
+                return n
+            i = end + 1 if c == 40 else end
+            continue
+        c = U8(c - 32) if 97 <= c <= 122 else c
+        number, j = 0.0, i + 1
+        what = 0
+        if 65 <= c <= 90:
+            while j < text.size and (text[j] == 32 or text[j] == 9):
+                j += 1
+            number, j, digits = _number(text, j)
+            what = 0 if digits > 0 else NO_NUMBER
+        elif c != 37:
+            what = _stray(c)
+        if what:
+            fault[0], fault[1], fault[2] = what, i, at_line
+            return n
+        letter[n], value[n], first[n], stop[n], line[n] = c, number, i, j, at_line
+        n += 1
+        i = j
+    return n
+
+
+@njit(types.void(READ2, READ_BYTES, F64, FLOATS, BYTES), cache=True)
+def merge_short_moves(ends, always, threshold, position, keep):
+    """Mark in ``keep`` the moves that lead farther than the threshold from where the last kept one ended.
+
+    Measured from there, and not from the programmed point before, many short moves cannot add up to a lost one.
+    ``position`` is where the first starts, and then where the last kept one ends.
+    """
+    for i in range(ends.shape[0]):
+        dx, dy, dz = ends[i, 0] - position[0], ends[i, 1] - position[1], ends[i, 2] - position[2]
+        keep[i] = always[i] or dx * dx + dy * dy + dz * dz >= threshold * threshold
+        if keep[i]:
+            position[0], position[1], position[2] = ends[i, 0], ends[i, 1], ends[i, 2]

@@ -1,0 +1,59 @@
+"""Programs judged by LinuxCNC itself, where it is installed."""
+
+import numpy as np
+import pytest
+
+from benchmarks.linuxcnc.interpreter import interpret, is_installed
+from benchmarks.linuxcnc.machine import largest_distance, run_program
+from planner import Limits, plan_feedrate, write_ngc
+from planner.geometry.nurbs import NurbsCurve
+
+needs_linuxcnc = pytest.mark.skipif(
+    not is_installed(), reason="LinuxCNC is not installed (Debian: apt-get install linuxcnc-uspace)"
+)
+
+
+@pytest.fixture(scope="module")
+def planned():
+    points = [[5, 0], [30, 0], [30, 20], [10, 30], [0, 10], [-20, 20], [-20, 0]]
+    curve = NurbsCurve(points, [0, 0, 0, 0, 1, 2, 3, 4, 4, 4, 4], 3, name="bend")
+    return curve, plan_feedrate(curve, Limits(80, [250] * 2, [1000] * 2, [20000] * 2))
+
+
+@needs_linuxcnc
+@pytest.mark.parametrize("mode", ["feed", "inverse_time"])
+def test_the_interpreter_makes_the_blocks_that_were_written(tmp_path, planned, mode):
+    curve, profile = planned
+    written = write_ngc(tmp_path / "bend.ngc", curve, profile, tolerance=0.01, mode=mode)
+    canonical = interpret(tmp_path / "bend.ngc")
+    assert canonical.counts["STRAIGHT_FEED"] == written.blocks
+    exact = curve.derivatives(np.linspace(*curve.domain, 20001), 0)[0]
+    there = np.column_stack([exact, np.zeros(len(exact))])
+    assert largest_distance(canonical.points, there, 2000) <= 1e-4  # rs274 prints four decimals
+
+
+@needs_linuxcnc
+def test_the_interpreter_refuses_what_is_wrong(tmp_path):
+    path = tmp_path / "wrong.ngc"
+    path.write_text("G1 X1 F100\nG2 X5\nM2\n")
+    with pytest.raises(ValueError, match="R i j k words all missing for arc"):
+        interpret(path)
+
+
+@needs_linuxcnc
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", ["feed", "inverse_time"])
+def test_the_machine_takes_the_time_of_the_plan(tmp_path, planned, mode):
+    """Twice the plan's acceleration lets LinuxCNC, which uses only part of it on blends, follow the plan's feed."""
+    curve, profile = planned
+    write_ngc(tmp_path / "bend.ngc", curve, profile, tolerance=0.01, mode=mode)
+    run = run_program(tmp_path / "bend.ngc", [250.0] * 3, [2000.0] * 3)
+    assert run.cut_time == pytest.approx(profile.duration, rel=0.03)
+    exact = curve.derivatives(np.linspace(*curve.domain, 20001), 0)[0]
+    assert largest_distance(run.position, np.column_stack([exact, np.zeros(len(exact))]), 2000) <= 0.01
+
+
+def test_the_distance_to_a_polyline():
+    vertices = np.array([[0, 0, 0], [10, 0, 0], [10, 0, 0], [10, 10, 0]], dtype=float)
+    points = np.array([[1, 0.1, 0], [9.7, -0.2, 0], [10.3, 5, 0]])
+    assert largest_distance(points, vertices) == pytest.approx(0.3)
