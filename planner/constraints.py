@@ -79,18 +79,27 @@ class Constraints:
 
 
 @dataclass(frozen=True, eq=False)
-class Path:
-    """The path at points of sigma: derivatives of the axes, of the tip's arc length, and of u, with respect to sigma.
+class Parameter:
+    """The curve parameter at points of sigma.
 
-    ``axes (4, p, dim)``, ``tip (4, p)`` (row 0 unused), ``u (4, p)``, ``curvature (p,)`` of the tip; ``rounding (p,)`` by
-    which u is off (see :meth:`Section.rounding`).
+    ``u (4, p)``: it and its derivatives with respect to sigma; ``rounding (p,)`` by which u is off (see
+    :meth:`Section.rounding`).
+    """
+
+    u: FloatArray
+    rounding: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Path(Parameter):
+    """The path at points of sigma: besides u, the axes and the tip's arc length with their derivatives over sigma.
+
+    ``axes (4, p, dim)``, ``tip (4, p)`` (row 0 unused), ``curvature (p,)`` of the tip.
     """
 
     axes: FloatArray
     tip: FloatArray
-    u: FloatArray
     curvature: FloatArray
-    rounding: FloatArray
 
 
 def path_at(section: Section, limits: Limits, sigma: FloatArray, u: FloatArray, left: NDArray[np.bool_]) -> Path:
@@ -114,7 +123,7 @@ def path_at(section: Section, limits: Limits, sigma: FloatArray, u: FloatArray, 
 
     axes = np.stack([q[0], *chain(q[1], q[2], q[3], (-1, 1))])
     along = np.stack([np.zeros_like(speed), *chain(speed, s2, s3, (-1,))])
-    return Path(axes, along, np.stack([u, u1, u2, u3]), curvature, section.rounding(sigma, u))
+    return Path(np.stack([u, u1, u2, u3]), section.rounding(sigma, u), axes, along, curvature)
 
 
 def build(

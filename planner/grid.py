@@ -26,7 +26,8 @@ _UNIFORM, _TIME, _TURNING = 0.2, 0.5, 0.3
 _GROWTH = 0.6
 _BLEND_KNOTS = 20
 _SLIVER = 1e-13  # of the whole
-_SCAN_PER_INTERVAL = 2
+# Samples: so many an interval, fewer where there are many
+_SCAN_PER_INTERVAL, _MANY = 2, 20_000
 _MIN_SCAN = 600
 # How much of acceleration and jerk the scans let the feed use along the path; the rest is left to the curvature.
 _SCAN_ACCELERATION = 0.7
@@ -122,7 +123,7 @@ def scan(section: Section, limits: Limits, intervals: int) -> Scan:
     """Sample a section and guess its feed."""
     curve = section.curve
     weights = axis_weights(limits)
-    count = max(_MIN_SCAN, _SCAN_PER_INTERVAL * intervals)
+    count = max(_MIN_SCAN, min(_SCAN_PER_INTERVAL * intervals, intervals + _MANY))
     y = np.linspace(section.y_start, section.y_end, count + 1)
     # The ends need closer samples, or a start that is short against the path is stepped over.
     near = (section.y_end - section.y_start) * np.geomspace(1e-9, 0.5 / count, 48)

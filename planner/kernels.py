@@ -49,6 +49,30 @@ def _shares_at(q, tip, u1, u2, u3, per_limit, scalars, out):
     out[3 * dim + 3] = abs(s1 * u3 + s2 * u12 + s3 * u111) / along3
 
 
+@njit(forceinline=True, error_model="numpy")
+def _grant(q, tip, digit, h, per_limit, scalars, out):
+    """Shares of the limits that rounding makes of a quintic of duration h.
+
+    Half a digit of u at both ends is worth up to 2, 6 and 60 of it over h, h^2 and h^3; nine tenths of that are granted
+    here, all of it by the check: nothing on a path of metres, all of the jerk at the end of one of 100 km, where no table
+    in double precision says more.
+    """
+    dim = q.shape[1]
+    first, second, third = 1.8 * digit / h, 5.4 * digit / h**2, 54.0 * digit / h**3
+    for j in range(dim):
+        size = abs(q[1, j])
+        out[j] = first * size * per_limit[0, j]
+        out[dim + 2 + j] = second * size * per_limit[1, j]
+        out[2 * dim + 3 + j] = third * size * per_limit[2, j]
+    speed = 0.0
+    for j in range(tip.shape[1]):
+        speed += tip[1, j] ** 2
+    speed = np.sqrt(speed)
+    out[dim] = first * speed / scalars[0]
+    out[2 * dim + 2] = second * speed / scalars[3]
+    out[3 * dim + 3] = third * speed / scalars[4]
+
+
 @njit(NOTHING(PIECES, PIECES, FLAG, READ2, READ2, I64, READ2, READ1, WRITE2), cache=True, error_model="numpy")
 def shares(axes, tip, cartesian, quintic, spans, points, rows, scalars, out):
     """Write the largest share of speed, acceleration and jerk limits used in each interval into ``out (3, n)``.
@@ -62,7 +86,7 @@ def shares(axes, tip, cartesian, quintic, spans, points, rows, scalars, out):
     """
     dim, count = rows.shape[1], 3 * rows.shape[1] + 4
     older, old, new = np.empty(count), np.empty(count), np.empty(count)
-    per_limit, at_start = 1.0 / rows, np.zeros(3)
+    per_limit, granted = 1.0 / rows, np.zeros(count)
     q = np.empty((4, dim))
     p = q if cartesian else np.empty((4, tip[1].shape[1] - 1))
     piece = tip_piece = 0
@@ -94,10 +118,7 @@ def shares(axes, tip, cartesian, quintic, spans, points, rows, scalars, out):
                 tip_piece = point_on_pieces(tip[0], tip[1], tip[2], tip[3], u, left, tip_piece, p)
             _shares_at(q, p, u1, u2, u3, per_limit, scalars, new)
             if n == 0:
-                at_start[:] = 0.0
-                for k in range(3):
-                    for j in range(dim):
-                        at_start[k] = max(at_start[k], abs(q[1, j]) * per_limit[k, j])
+                _grant(q, p, spans[4, i], h, per_limit, scalars, granted)
             for k in range(count):
                 kind = 0 if k < dim + 2 else (1 if k < 2 * dim + 3 else 2)
                 value = new[k]
@@ -107,12 +128,5 @@ def shares(axes, tip, cartesian, quintic, spans, points, rows, scalars, out):
                     outer = (n == 2 and lean > 0.0) or (n == points and lean < 0.0)
                     if bend < 0.0 and abs(lean) <= (-2.0 * bend if outer else -bend):
                         value = old[k] - lean * lean / (8.0 * bend)
-                out[kind, i] = max(out[kind, i], value)
+                out[kind, i] = max(out[kind, i], value - granted[k])
                 older[k], old[k] = old[k], new[k]
-        # Half a digit at both ends of a quintic is worth up to 2, 6 and 60 of it over h, h^2 and h^3; nine tenths of
-        # that are granted here, all of it by the check: nothing on a path of metres, all of the jerk at the end of one
-        # of 100 km, where no table in double precision says more.
-        digit = spans[4, i]
-        out[0, i] = max(out[0, i] - 1.8 * digit * at_start[0] / h, 0.0)
-        out[1, i] = max(out[1, i] - 5.4 * digit * at_start[1] / h**2, 0.0)
-        out[2, i] = max(out[2, i] - 54.0 * digit * at_start[2] / h**3, 0.0)

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.constraints import JERK_BESIDE_STEP, PERIODS_AROUND_STEP, Path
+from planner.constraints import JERK_BESIDE_STEP, PERIODS_AROUND_STEP, Parameter
 from planner.geometry.curve import Curve, FloatArray
 from planner.limits import Limits
 from planner.profile import quintic_coefficients
@@ -76,7 +76,7 @@ class SpeedLaw:
         slope = (self.c[i + 1] - self.c[i]) / h
         return self.x[i] + w * (2.0 * self.a[i] + w * (self.c[i] + w * slope / 3.0))
 
-    def nodes(self, path: Path) -> TimeNodes:
+    def nodes(self, path: Parameter) -> TimeNodes:
         """Nodes at knots and midpoints; ``path`` holds the same points."""
         h = np.diff(self.sigma)
         mid_x = self.x[:-1] + h * self.a[:-1] + h**2 * (5.0 * self.c[:-1] + self.c[1:]) / 24.0

@@ -19,16 +19,17 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planner.bounds import without_jerk
-from planner.constraints import Constraints, Path, build
+from planner.constraints import Constraints, Parameter, build
 from planner.errors import InfeasibleError, SolverError
 from planner.geometry.curve import FloatArray
 from planner.grid import Grid, Scan, place_knots, resolvable, scan, split, with_blends
 from planner.law import SpeedLaw, TimeNodes, Utilisation, utilisation
 from planner.limits import Limits
 from planner.sections import Section
-from planner.sensitivity import saved_by_one_percent
+from planner.sensitivity import saved_by_one_percent, slowest
 from planner.solvers import optimal
 from planner.solvers.optimal import Solution, Waypoint
 
@@ -83,51 +84,38 @@ class Task:
         return self.section.has_prescribed_feed
 
 
-@dataclass(frozen=True, eq=False)
-class Margins:
-    """By how much the limits are tightened at each collocation point, so that a plan keeps them between the points.
+def _margins(used: Utilisation, grid: Grid) -> tuple[FloatArray, ...]:
+    """By how much to tighten speed, acceleration and jerk limits at each point where a plan used too much of them."""
+    margins = []
+    for share in (used.speed, used.acceleration, used.jerk):
+        excess = _by_interval(share, grid)
+        excess = np.where(excess > 1.0, excess * (1.0 + _MARGIN_STEP), 1.0)
+        # What a plan gives up in one interval it would seek in the next ones, so these are tightened with it.
+        for _ in range(_MARGIN_REACH):
+            excess[1:] = np.maximum(excess[1:], excess[:-1])
+            excess[:-1] = np.maximum(excess[:-1], excess[1:])
+        at = np.ones(2 * grid.sigma.size - 1)
+        at[1::2] = excess
+        at[2::2] = excess
+        at[0:-1:2] = np.maximum(at[0:-1:2], excess)
+        margins.append(at)
+    return tuple(margins)
 
-    ``speed``, ``acceleration``, ``jerk``: (2n - 1,) arrays >= 1.
-    """
 
-    speed: FloatArray
-    acceleration: FloatArray
-    jerk: FloatArray
-
-    @classmethod
-    def uniform(cls, grid: Grid, margin: float) -> Margins:
-        """The same margin everywhere."""
-        return cls(*np.full((3, 2 * grid.sigma.size - 1), margin))
-
-    def raised(self, used: Utilisation, grid: Grid) -> Margins:
-        """Raise the margins where a plan made with these ones used more than its limits."""
-        raised = []
-        for margin, share in ((self.speed, used.speed), (self.acceleration, used.acceleration), (self.jerk, used.jerk)):
-            excess = _by_interval(share, grid)
-            excess = np.where(excess > 1.0, excess * (1.0 + _MARGIN_STEP), 1.0)
-            # What a plan gives up in one interval it would seek in the next ones, so these are tightened with it.
-            for _ in range(_MARGIN_REACH):
-                excess[1:] = np.maximum(excess[1:], excess[:-1])
-                excess[:-1] = np.maximum(excess[:-1], excess[1:])
-            at = np.ones(margin.size)
-            at[1::2] = excess
-            at[2::2] = excess
-            at[0:-1:2] = np.maximum(at[0:-1:2], excess)
-            raised.append(margin * at)
-        return Margins(*raised)
-
-    def apply(self, problem: Constraints) -> Constraints:
-        """Tighten the constraints; a prescribed feed stays attainable."""
-        cap = problem.cap / self.speed**2
-        for value, at in ((problem.start, 0), (problem.end, -1)):
-            if not np.isnan(value):
-                cap[at] = max(cap[at], value * (1.0 + _PRESCRIBED_ROOM))
-        return replace(
-            problem,
-            cap=cap,
-            acceleration=np.ascontiguousarray(problem.acceleration * self.acceleration),
-            jerk=np.ascontiguousarray(problem.jerk * self.jerk),
-        )
+def _tightened(
+    problem: Constraints, speed: FloatArray | float, acceleration: FloatArray | float, jerk: FloatArray | float
+) -> Constraints:
+    """Divide the limits by these margins, at all points or at each; a prescribed feed stays attainable."""
+    cap = problem.cap / speed**2
+    for value, at in ((problem.start, 0), (problem.end, -1)):
+        if not np.isnan(value):
+            cap[at] = max(cap[at], value * (1.0 + _PRESCRIBED_ROOM))
+    return replace(
+        problem,
+        cap=cap,
+        acceleration=np.ascontiguousarray(problem.acceleration * acceleration),
+        jerk=np.ascontiguousarray(problem.jerk * jerk),
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,23 +129,26 @@ class Attempt:
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """A grid with its constraints and the margins they are given."""
+    """A grid with its constraints, tightened where a plan on it used too much."""
 
     grid: Grid
     problem: Constraints
-    path: Path
-    margins: Margins
+    path: Parameter
+    slowest: NDArray[np.int8]
 
     @classmethod
     def on(cls, task: Task, grid: Grid) -> Stage:
         """Build the constraints on a grid."""
         problem, path = build(task.section, task.limits, grid, task.guess, periodic=task.periodic)
-        return cls(grid, problem, path, Margins.uniform(grid, 1.0 + _PRESCRIBED_MARGIN if task.prescribed else 1.0))
+        # of the path only what is needed from here on: a long one has no memory to spare
+        parameter = Parameter(path.u, path.rounding)
+        if task.prescribed:
+            problem = _tightened(problem, *[1.0 + _PRESCRIBED_MARGIN] * 3)
+        return cls(grid, problem, parameter, slowest(task.limits, path))
 
     def solve(self, task: Task, before: Attempt | None, tolerance: float | None = None) -> Attempt:
         """Solve, from a previous law or from the way to it where there is one."""
-        cold = self.margins.apply(self.problem)
-        problem = cold
+        problem = self.problem
         per_x = (problem.length_unit / problem.time_unit) ** 2
         if before is not None:
             floor = _LEAST_GUESS * float(before.law.x.min())
@@ -167,7 +158,7 @@ class Stage:
             solution = _run(task, problem, waypoint, before is not None, tolerance)
             if before is not None and solution.status.startswith("stalled"):
                 # A coarse law that fits the finer grid badly is a worse start than none.
-                again = _run(task, cold, None, False, tolerance)
+                again = _run(task, self.problem, None, False, tolerance)
                 solution = again if again.time < solution.time else solution
         except SolverError as error:
             if not task.prescribed:
@@ -181,7 +172,7 @@ class Stage:
         stats = {"status": solution.status, "iterations": solution.iterations, "gap": solution.gap}
         stats |= {"residual": solution.residual, "intervals": self.grid.intervals, "solve_cpu_s": solution.cpu_s}
         if solution.iterate is not None:
-            saved = saved_by_one_percent(solution.iterate, self.path, task.limits, task.section.curve.axes)
+            saved = saved_by_one_percent(solution.iterate, self.slowest, task.limits, task.section.curve.axes)
             stats["saved_by_one_percent"] = {name: value * self.problem.time_unit for name, value in saved.items()}
             stats["proven_global"] = solution.status == "optimal" and optimal.is_global(solution.iterate)
         return stats
@@ -191,7 +182,7 @@ class Stage:
         if may_split:
             finer = split(task.section, self.grid, _by_interval(used.slowdown, self.grid) > _ACCEPTED_SLOWDOWN)
             return Stage.on(task, finer), replace(attempt, waypoint=None)
-        tighter = replace(self, margins=self.margins.raised(used, self.grid))
+        tighter = replace(self, problem=_tightened(self.problem, *_margins(used, self.grid)))
         return tighter, replace(attempt, waypoint=None) if task.prescribed else attempt
 
 
