@@ -1,0 +1,204 @@
+"""Legs (lines, arcs, helices) and the cubic blends that round the corners between them, by true arc length.
+
+A **leg** is everything a block of a part program can be, at distance x from its start:
+
+    leg(x) = o + (1 + k x) (e1 cos wx + e2 sin wx) + g x
+
+a line where e1 = e2 = 0, an arc or helix of radius |e1| = |e2| otherwise, a spiral where k is not 0.
+
+A **blend** lets the motion along the incoming leg run out while that along the outgoing one begins.  With D1(x) and D2(x)
+the displacements from the corner V to the points at distance x before and after it, size A and |tau| <= 1,
+
+    q(tau) = V + D1(A (1 - tau)^3) + D2(A (1 + tau)^3).
+
+Between two lines that is a cubic Bezier with both inner control points at V: two overlapping moves of constant jerk.  It
+reaches 8A along each leg, joins them with continuous curvature, and passes V at the distance A |t2 - t1|.
+
+Arc length.  |dq/dtau| has branch points near tau = +-i b, b = tan((pi - angle)/4), which come close for sharp corners.
+tau = b sinh(eta x), eta = asinh(1/b), moves them away from x in [-1, 1]: 64 Chebyshev nodes resolve the speed to rounding
+for every angle up to 150 degrees.  Between lines the series depends on the angle alone and is shared by all equal corners.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial import chebyshev
+from numpy.typing import NDArray
+
+from planner.geometry.curve import FloatArray, arc_derivatives
+
+BLEND_REACH = 8.0  # of the size A, along each leg
+_NODES = 64
+_SAME_COSINE = 13  # decimals; closer angles share a table
+_BLOCK = 8192  # points at a time, which bounds the memory of the series
+
+
+@dataclass(frozen=True, eq=False)
+class Legs:
+    """Lines, arcs, helices and spirals, n of them.
+
+    Attributes
+    ----------
+    vectors : (n, 4, dim) array
+        o, e1, e2 and g of each.
+    rates : (n, 2) array
+        w in rad/mm and k in 1/mm.
+    """
+
+    vectors: FloatArray
+    rates: FloatArray
+
+    def at(self, row: NDArray[np.intp], x: FloatArray) -> FloatArray:
+        """Position and three derivatives with respect to x, (4, n, dim), of the legs ``row`` (n,) at x (n,)."""
+        d = turning(self.vectors[row, 1:], self.rates[row], x)
+        d[0] += self.vectors[row, 0]
+        return d
+
+    def taken(self, row: NDArray[np.intp]) -> Legs:
+        """Return some of the legs."""
+        return Legs(self.vectors[row], self.rates[row])
+
+    def from_point(self, x: FloatArray, *, backwards: bool) -> Legs:
+        """The same legs, measured from the points at x (n,) on, or back from them."""
+        d = turning(self.vectors[:, 1:], self.rates, x)
+        sign = -1.0 if backwards else 1.0
+        grown = 1.0 + self.rates[:, 1] * x
+        angle = (self.rates[:, 0] * x)[:, None]
+        e1, e2, g = (self.vectors[:, k] for k in (1, 2, 3))
+        radial = grown[:, None] * (e1 * np.cos(angle) + e2 * np.sin(angle))
+        across = sign * grown[:, None] * (e2 * np.cos(angle) - e1 * np.sin(angle))
+        origin = self.vectors[:, 0] + d[0] - radial
+        vectors = np.stack([origin, radial, across, sign * g], axis=1)
+        return Legs(vectors, np.stack([self.rates[:, 0], sign * self.rates[:, 1] / grown], axis=1))
+
+
+def turning(vectors: FloatArray, rates: FloatArray, x: FloatArray) -> FloatArray:
+    """(1 + k x) (e1 cos wx + e2 sin wx) + g x and its first three derivatives, (4, n, dim).
+
+    Parameters
+    ----------
+    vectors : (n, 3, dim) array
+        e1, e2, g.
+    rates : (n, 2) array
+        w, k.
+    x : (n,) array
+    """
+    w, k, x = rates[:, 0:1], rates[:, 1:2], x[:, None]
+    e1, e2, g = vectors[:, 0], vectors[:, 1], vectors[:, 2]
+    cosine, sine = np.cos(w * x), np.sin(w * x)
+    circle = e1 * cosine + e2 * sine
+    along = w * (e2 * cosine - e1 * sine)
+    grown = 1.0 + k * x
+    return np.stack(
+        [
+            grown * circle + g * x,
+            grown * along + k * circle + g,
+            -grown * w**2 * circle + 2.0 * k * along,
+            -grown * w**2 * along - 3.0 * k * w**2 * circle,
+        ]
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Blends:
+    """Cubic blends, n of them; build them with :meth:`between`.
+
+    Attributes
+    ----------
+    vertex : (n, dim) array
+        The corners V.
+    before, after : Legs
+        Legs from the corners, backwards and forwards.
+    size : (n,) array
+        A, mm.
+    length : (n,) array
+        Arc length, mm.
+    """
+
+    vertex: FloatArray
+    before: Legs
+    after: Legs
+    size: FloatArray
+    length: FloatArray
+    _table: NDArray[np.intp]
+    _half_angle: FloatArray
+    _lengths: FloatArray
+    _speeds: FloatArray
+
+    @classmethod
+    def between(cls, before: Legs, after: Legs, size: FloatArray) -> Blends:
+        """Blends of the sizes A (n,) between legs that begin at the corners (``before`` runs backwards)."""
+        vertex = after.vectors[:, 0] + after.vectors[:, 1]
+        straight = (before.rates[:, 0] == 0.0) & (after.rates[:, 0] == 0.0)
+        row = np.arange(size.size)
+        back, forth = (legs.at(row, np.zeros(size.size))[1] for legs in (before, after))
+        cosine = -np.sum(back * forth, axis=1) / np.sqrt(np.sum(back**2, axis=1) * np.sum(forth**2, axis=1))
+        key = np.where(straight, np.round(cosine, _SAME_COSINE), 2.0 + row)
+        _, first, table = np.unique(key, return_index=True, return_inverse=True)
+        angle = np.arccos(np.clip(cosine[first], -1.0, 1.0))
+        b = np.tan(0.25 * (np.pi - angle))
+        blends = cls(vertex, before, after, size, size, np.asarray(table), b, np.empty((0, 0)), np.empty((0, 0)))
+        nodes = np.pi * (np.arange(_NODES) + 0.5) / _NODES
+        to_series = np.cos(np.outer(np.arange(_NODES), nodes)) * (2.0 / _NODES)
+        to_series[0] *= 0.5
+        eta = np.arcsinh(1.0 / b)[:, None]
+        x = np.cos(nodes)
+        tau = b[:, None] * np.sinh(eta * x)
+        d = blends.at(np.repeat(first, _NODES), tau.reshape(-1))[1]
+        speed = np.sqrt(np.sum(d**2, axis=1)).reshape(tau.shape) / size[first, None]
+        speeds = speed * b[:, None] * eta * np.cosh(eta * x) @ to_series.T
+        lengths = np.ascontiguousarray(chebyshev.chebint(speeds, lbnd=-1, axis=1))
+        total = lengths.sum(axis=1)
+        return cls(
+            vertex, before, after, size, size * total[table], blends._table, b, lengths, np.ascontiguousarray(speeds)
+        )
+
+    def at(self, row: NDArray[np.intp], tau: FloatArray) -> FloatArray:
+        """Position and three derivatives with respect to tau, (4, n, dim), of the blends ``row`` (n,) at tau (n,)."""
+        out = np.zeros((4, row.size, self.vertex.shape[1]))
+        out[0] = self.vertex[row]
+        size = self.size[row]
+        for legs, sign in ((self.before, -1.0), (self.after, 1.0)):
+            reach = 1.0 + sign * tau
+            x = size * reach**3
+            x1, x2, x3 = (
+                part[:, None] for part in (3.0 * sign * size * reach**2, 6.0 * size * reach, 6.0 * sign * size)
+            )
+            d = turning(legs.vectors[row, 1:], legs.rates[row], x)
+            out[0] += d[0] - legs.vectors[row, 1]
+            out[1] += d[1] * x1
+            out[2] += d[2] * x1**2 + d[1] * x2
+            out[3] += d[3] * x1**3 + 3.0 * d[2] * x1 * x2 + d[1] * x3
+        return out
+
+    def by_arc_length(self, row: NDArray[np.intp], s: FloatArray) -> FloatArray:
+        """Position and three derivatives with respect to arc length, (4, n, dim), at s (n,) from the start of each."""
+        out = np.empty((4, row.size, self.vertex.shape[1]))
+        for start in range(0, row.size, _BLOCK):
+            some = slice(start, start + _BLOCK)
+            out[:, some] = arc_derivatives(self.at(row[some], self.tau(row[some], s[some])))
+        return out
+
+    def tau(self, row: NDArray[np.intp], s: FloatArray) -> FloatArray:
+        """Invert the arc length by its series, the blends of one table together."""
+        from planner.geometry.kernels import panel_inverse
+
+        table = self._table[row]
+        target = np.clip(s / self.size[row], 0.0, None)
+        x = np.empty(row.size)
+        order = np.argsort(table, kind="stable")
+        starts = np.flatnonzero(np.diff(table[order], prepend=-1))
+        edges = np.array([-1.0, 1.0])
+        for some in np.split(order, starts[1:]) if order.size else []:
+            k = table[some[0]]
+            total = np.array([0.0, self._lengths[k].sum()])
+            found = np.empty(some.size)
+            series = self._lengths[k : k + 1], self._speeds[k : k + 1]
+            panel_inverse(edges, total, *series, np.minimum(target[some], total[1]), False, found)
+            x[some] = found
+        b = self._half_angle[table]
+        tau = b * np.sinh(np.arcsinh(1.0 / b) * x)
+        tau = np.where(s <= 0.0, -1.0, np.where(s >= self.length[row], 1.0, tau))
+        return np.asarray(np.clip(tau, -1.0, 1.0))

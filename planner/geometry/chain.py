@@ -1,0 +1,198 @@
+"""A path composed of lines, arcs, cubic blends and spline spans, one after the other.
+
+The parameter is the arc length, exactly on legs and blends and nearly on spline spans, so that a chain whose pieces join
+with continuous curvature is C2 in it and can be planned in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from enum import IntEnum
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.errors import CurveError
+from planner.geometry.blend import Blends, Legs
+from planner.geometry.curve import Break, Curve, FloatArray, Pieces, Side, axis_names, continuity
+from planner.geometry.fit import _interpolate as interpolate
+
+_FIT_TOLERANCE = 1e-14  # of the extent
+_MAX_HALVINGS = 24
+_PROBES = 24
+_NOISE = 8.0 * np.finfo(np.float64).eps
+
+
+class Kind(IntEnum):
+    """What a piece of a chain is."""
+
+    LEG = 0
+    BLEND = 1
+    SPAN = 2
+
+
+@dataclass(frozen=True, eq=False)
+class ChainCurve(Curve):
+    """Pieces of three kinds, joined.
+
+    Attributes
+    ----------
+    edges : (m + 1,) array
+        Parameters at which the pieces join, mm, increasing.
+    kind : (m,) int array
+        A :class:`Kind` each.
+    row : (m,) int array
+        Where the piece is in ``legs``, ``blends`` or ``spans``.
+    offset : (m,) array
+        Distance from the start of the leg to the start of the piece, mm; 0 for the other kinds.
+    legs, blends : Legs, Blends or None
+    spans : (k, dim, 5) array
+        Ascending powers of the local parameter in [0, 1].
+    joints : (j,) array
+        Inner edges at which a derivative up to the third may jump; the others are smooth by construction.
+    stops : (i,) array
+        Inner edges at which the path is stopped exactly, whatever its shape.
+    marks : (l,) array
+        Further parameters inside at which a plan must have a knot, as where the feed cap changes.
+    """
+
+    edges: FloatArray
+    kind: NDArray[np.int8]
+    row: NDArray[np.intp]
+    offset: FloatArray
+    legs: Legs
+    blends: Blends | None
+    spans: FloatArray
+    joints: FloatArray
+    stops: FloatArray
+    marks: FloatArray
+    axes: tuple[str, ...] = ()
+    name: str = "chain"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "axes", axis_names(self.axes or None, self.legs.vectors.shape[2], self.name))
+        step = np.diff(self.edges)
+        if self.edges.size < 2 or not (step > 0.0).all():
+            at = int(np.argmin(step)) if step.size else 0
+            raise CurveError(f"{self.name}: piece {at} has no length; every piece of a chain must have one")
+        for array in (self.edges, self.kind, self.row, self.offset, self.spans, self.joints, self.stops, self.marks):
+            array.setflags(write=False)
+
+    @property
+    def domain(self) -> tuple[float, float]:  # type: ignore[override]
+        """From the first edge to the last."""
+        return float(self.edges[0]), float(self.edges[-1])
+
+    def _evaluate(self, u: FloatArray, order: int, side: Side) -> FloatArray:
+        piece = np.clip(np.searchsorted(self.edges, u, side=side) - 1, 0, self.kind.size - 1)
+        x = u - self.edges[piece]
+        kind, row = self.kind[piece], self.row[piece]
+        out = np.empty((4, u.size, self.dim))
+        on = np.flatnonzero(kind == Kind.LEG)
+        if on.size:
+            out[:, on] = self.legs.at(row[on], self.offset[piece[on]] + x[on])
+        on = np.flatnonzero(kind == Kind.BLEND)
+        if on.size and self.blends is not None:
+            out[:, on] = self.blends.by_arc_length(row[on], x[on])
+        on = np.flatnonzero(kind == Kind.SPAN)
+        if on.size:
+            width = (self.edges[piece[on] + 1] - self.edges[piece[on]])[:, None]
+            out[:, on] = span_derivatives(self.spans[row[on]], x[on, None] / width, width)
+        return out[: order + 1]
+
+    def _candidate_breaks(self) -> FloatArray:
+        return np.union1d(self.edges[1:-1], self.marks)
+
+    @cached_property
+    def breaks(self) -> tuple[Break, ...]:
+        """Joints that are not smooth; an exact stop counts as a corner, of geometric order 0."""
+        if not self.joints.size:
+            return ()
+        stops = set(self.stops.tolist())
+        found = [replace(b, geometric=0) if b.u in stops else b for b in continuity(self, self.joints)]
+        return tuple(b for b in found if min(b.parametric, b.geometric) < 3)
+
+    @cached_property
+    def pieces(self) -> Pieces:
+        """Polynomial pieces: exact for lines and spans, fitted to 1e-14 of the extent for arcs and blends."""
+        curved = np.flatnonzero(self._is_curved)
+        plain = np.flatnonzero(~self._is_curved)
+        fitted = _fit(self, self.edges[curved], self.edges[curved + 1])
+        degree = max(4, fitted[1].shape[2] - 1) if curved.size else 4
+        starts = np.concatenate([self.edges[plain], fitted[0]])
+        powers = np.zeros((starts.size, self.dim + 1, degree + 1))
+        powers[:, -1, 0] = 1.0
+        if plain.size:
+            powers[: plain.size, :-1, :5] = self._plain_powers(plain)
+        if curved.size:
+            powers[plain.size :, :-1] = fitted[1]
+        order = np.argsort(starts, kind="stable")
+        powers = np.ascontiguousarray(powers[order])
+        resting = np.asarray(~powers[:, :-1, 1:].any(axis=2))
+        return Pieces(np.append(starts[order], self.edges[-1]), powers, False, resting)
+
+    @cached_property
+    def _is_curved(self) -> NDArray[np.bool_]:
+        """Pieces that are no polynomial."""
+        curved = np.asarray(self.kind == Kind.BLEND)
+        legs = self.kind == Kind.LEG
+        curved[legs] = self.legs.rates[self.row[legs], 0] != 0.0
+        return curved
+
+    def _plain_powers(self, plain: NDArray[np.intp]) -> FloatArray:
+        """Ascending powers (n, dim, 5) of the lines and spans among the pieces."""
+        powers = np.zeros((plain.size, self.dim, 5))
+        on = self.kind[plain] == Kind.SPAN
+        powers[on] = self.spans[self.row[plain[on]]]
+        line = plain[~on]
+        vectors = self.legs.vectors[self.row[line]]
+        powers[~on, :, 0] = vectors[:, 0] + vectors[:, 1] + vectors[:, 3] * self.offset[line, None]
+        powers[~on, :, 1] = vectors[:, 3] * (self.edges[line + 1] - self.edges[line])[:, None]
+        return powers
+
+    def definition(self) -> Mapping[str, Any]:
+        """Everything that the pieces are made of."""
+        arrays = {name: getattr(self, name) for name in ("edges", "kind", "row", "offset", "spans", "stops", "marks")}
+        arrays |= {"leg_vectors": self.legs.vectors, "leg_rates": self.legs.rates}
+        if self.blends is not None:
+            arrays |= {"blend_vertex": self.blends.vertex, "blend_size": self.blends.size}
+            for name, legs in (("before", self.blends.before), ("after", self.blends.after)):
+                arrays |= {f"{name}_vectors": legs.vectors, f"{name}_rates": legs.rates}
+        return {"type": "chain", "axes": list(self.axes)} | {key: value.tolist() for key, value in arrays.items()}
+
+
+def span_derivatives(powers: FloatArray, w: FloatArray, width: FloatArray) -> FloatArray:
+    """Value and three derivatives (4, n, dim) of quartics with ascending ``powers (n, dim, 5)`` at w (n, 1) = x / width."""
+    c0, c1, c2, c3, c4 = (powers[:, :, k] for k in range(5))
+    return np.stack(
+        [
+            c0 + w * (c1 + w * (c2 + w * (c3 + w * c4))),
+            (c1 + w * (2.0 * c2 + w * (3.0 * c3 + w * 4.0 * c4))) / width,
+            (2.0 * c2 + w * (6.0 * c3 + w * 12.0 * c4)) / width**2,
+            (6.0 * c3 + w * 24.0 * c4) / width**3,
+        ]
+    )
+
+
+def _fit(curve: ChainCurve, lo: FloatArray, hi: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Polynomials on [lo, hi], halved until they are within tolerance: starts (k,) and ascending powers (k, dim, p + 1)."""
+    tolerance = np.full(curve.dim, 0.0)
+    if lo.size:
+        scan = curve.derivatives(curve.edges, 0)[0]
+        largest = float(np.abs(scan).max())
+        rounding = _NOISE * largest + 2.0 * float(np.spacing(np.abs(curve.edges).max()))
+        tolerance = np.full(curve.dim, _FIT_TOLERANCE * float(np.ptp(scan, axis=0).max()) + rounding)
+    starts, powers = [np.empty(0)], []
+    for halving in range(_MAX_HALVINGS):
+        if lo.size == 0:
+            break
+        power, error = interpolate(curve, lo, hi, _PROBES)
+        good = (error <= tolerance).all(axis=1) | (halving == _MAX_HALVINGS - 1)
+        starts.append(lo[good])
+        powers.append(power[good].transpose(0, 2, 1))
+        mid = 0.5 * (lo + hi)[~good]
+        lo, hi = np.concatenate([lo[~good], mid]), np.concatenate([mid, hi[~good]])
+    return np.concatenate(starts), np.concatenate(powers) if powers else np.empty((0, curve.dim, 5))
