@@ -71,6 +71,7 @@ _REVERSAL = len(_TIP_RATES)  # row of -u' among the measured quantities
 # Unit of each row; of a row about an axis, what follows the axis' own unit.
 _UNITS = {
     "feed": "mm/s",
+    "programmed feed": "mm/s",
     "chord error": "mm",
     "velocity": "/s",
     "acceleration": "/s^2",
@@ -99,7 +100,8 @@ class Row:
     Attributes
     ----------
     limit : str
-        "feed", "chord error", "velocity", "acceleration", "jerk", "tangential acceleration", "tangential jerk",
+        "feed", "programmed feed" (against the curve's own caps), "chord error", "velocity", "acceleration", "jerk",
+        "tangential acceleration", "tangential jerk",
         "velocity step", "acceleration step", "jerk at a curvature break", "exact stop",
         "acceleration at an exact stop"; or what makes the plan one at all: "reversal", "path start", "path end",
         "path error", "position step", "table columns", "finite values", "time order", "sample times".
@@ -592,6 +594,8 @@ def _check_profile(curve: Curve, limits: Limits, profile: FeedrateProfile, densi
             rows.add(name, worst, 0.0, place, slack=slack + turning_back)
         else:
             rows.add(name, worst, getattr(limits, name.replace(" ", "_")), place, slack=slack)
+    if curve.feed_caps is not None:
+        rows.add("programmed feed", *_programmed_feed(motion, density))
     worst, place = _profile_chord(motion, limits.period)
     rounding = _position_rounding(curve, np.clip(profile.u, *curve.domain))
     rows.add("chord error", worst, limits.chord_error, place, slack=rounding)
@@ -599,6 +603,22 @@ def _check_profile(curve: Curve, limits: Limits, profile: FeedrateProfile, densi
     _check_corners(motion, scan, limits, rows)
     ends = motion.measure(np.array([0, motion.interval.size - 1]), np.array([[0.0], [1.0]]))[0][:2, :, 0]
     return Report(tuple(rows.rows + table), *(float(value) for value in ends.reshape(-1)))
+
+
+def _programmed_feed(motion: _Motion, density: int) -> tuple[float, float, tuple[float, float]]:
+    """Feed that uses most of what the curve's own caps command: value, cap and place."""
+    caps, worst = motion.curve.feed_caps, (0.0, np.inf, (0.0, 0.0))
+    x = np.linspace(0.0, 1.0, density)
+    for lo in range(0, motion.interval.size, _CHUNK_POINTS // density):
+        span = np.arange(lo, min(lo + _CHUNK_POINTS // density, motion.interval.size))
+        inside = motion.lower[span, None] + x * (motion.upper - motion.lower)[span, None]
+        feeds, u = motion.measure(span, inside)[0][0], motion.parameter(span, inside)
+        # A span ends at the knots of the path; on a step of the cap it has the cap of its own side.
+        cap = caps.at(u, u >= motion.u_ends[1, span, None]) if caps is not None else np.full(u.shape, np.inf)
+        k = np.unravel_index(int((feeds / cap).argmax()), feeds.shape)
+        if feeds[k] / cap[k] > worst[0] / worst[1]:
+            worst = (float(feeds[k]), float(cap[k]), (float(motion.time(span, inside[:, k[1]])[k[0]]), float(u[k])))
+    return worst
 
 
 def _check_table(curve: Curve, profile: FeedrateProfile, rows: _Rows) -> bool:
@@ -908,6 +928,15 @@ def _check_samples(curve: Curve, limits: Limits, samples: Samples, density: int,
     tip_rounding = _position_rounding(curve, u)
     k = int(feeds.argmax())
     rows.add("feed", feeds[k], limits.feed, _middle(samples, k + 0.5), slack=2.0 * tip_rounding / period)
+    if curve.feed_caps is not None:
+        # Between two samples the path may lie under several caps; the mean feed is below the highest of them.
+        edges, cap = curve.feed_caps.edges, curve.feed_caps.feed
+        first = np.clip(np.searchsorted(edges, u[:-1], side="right") - 1, 0, cap.size - 1)
+        last = np.clip(np.searchsorted(edges, u[1:], side="left") - 1, first, cap.size - 1)
+        bounds = np.stack([first, last + 1], axis=1).reshape(-1)
+        highest = np.maximum.reduceat(np.append(cap, 0.0), bounds)[::2]
+        k = int((feeds / highest).argmax())
+        rows.add("programmed feed", feeds[k], highest[k], _middle(samples, k + 0.5), slack=2.0 * tip_rounding / period)
     worst, place = _sample_chord(curve, samples, u, density)
     rows.add("chord error", worst, limits.chord_error, place, slack=tip_rounding)
     # A position is known to half its last digit, its evaluation to about as much, and u moves it by |C_u| times half of

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from planner.geometry.curve import FloatArray, dot
 from planner.grid import STEP_SHARE, Grid, Scan
-from planner.limits import Limits, chord_feed_limit
+from planner.limits import Limits, chord_feed_limit, commanded_feed
 from planner.sections import Section, axis_weights, evaluate
 
 # Steps of the acceleration at curvature jumps make up to half of the samples' jerk (STEP_SHARE), and the plan's own jerk
@@ -94,12 +94,13 @@ class Parameter:
 class Path(Parameter):
     """The path at points of sigma: besides u, the axes and the tip's arc length with their derivatives over sigma.
 
-    ``axes (4, p, dim)``, ``tip (4, p)`` (row 0 unused), ``curvature (p,)`` of the tip.
+    ``axes (4, p, dim)``, ``tip (4, p)`` (row 0 unused), ``curvature (p,)`` of the tip, ``feed (p,)`` commanded.
     """
 
     axes: FloatArray
     tip: FloatArray
     curvature: FloatArray
+    feed: FloatArray
 
 
 def path_at(section: Section, limits: Limits, sigma: FloatArray, u: FloatArray, left: NDArray[np.bool_]) -> Path:
@@ -121,9 +122,10 @@ def path_at(section: Section, limits: Limits, sigma: FloatArray, u: FloatArray, 
         v1, v2, v3 = (part.reshape(tail) for part in (u1, u2, u3))
         return [d1 * v1, d2 * v1**2 + d1 * v2, d3 * v1**3 + 3.0 * d2 * v1 * v2 + d1 * v3]
 
+    feed = commanded_feed(curve, limits, u, left)
     axes = np.stack([q[0], *chain(q[1], q[2], q[3], (-1, 1))])
     along = np.stack([np.zeros_like(speed), *chain(speed, s2, s3, (-1,))])
-    return Path(np.stack([u, u1, u2, u3]), section.rounding(sigma, u), axes, along, curvature)
+    return Path(np.stack([u, u1, u2, u3]), section.rounding(sigma, u), axes, along, curvature, feed)
 
 
 def build(
@@ -181,7 +183,7 @@ def build(
 def speed_limits(limits: Limits, path: Path) -> FloatArray:
     """Largest sigma_dot at each point by feed, chord error and each axis velocity, (2 + dim, p)."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        feed = limits.feed / path.tip[1]
+        feed = path.feed / path.tip[1]
         chord = chord_feed_limit(path.curvature, limits) / path.tip[1]
         velocity = limits.velocity / np.abs(path.axes[1])
     rows = np.vstack([feed, chord, velocity.T])

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from planner.errors import InfeasibleError
 from planner.geometry.curve import FloatArray, arc_derivatives, curvature, dot
-from planner.limits import Limits, chord_feed_limit
+from planner.limits import Limits, chord_feed_limit, commanded_feed
 from planner.sections import BLEND_LENGTH, Section, axis_weights, evaluate
 
 _UNIFORM, _TIME, _TURNING = 0.2, 0.5, 0.3
@@ -141,6 +141,8 @@ def scan(section: Section, limits: Limits, intervals: int) -> Scan:
     speed = np.sqrt(dot(scaled[1], scaled[1]))
     length = _accumulate(speed, u)
     accelerations, jerks = weights * limits.acceleration, weights * limits.jerk
+    # a sample on a step of the cap takes the lower side
+    commanded = np.minimum(commanded_feed(curve, limits, u), commanded_feed(curve, limits, u, True))
     with np.errstate(divide="ignore", invalid="ignore"):
         # fmin passes over the 0/0 of an axis that neither moves nor has a limit
         ceiling = np.fmin.reduce(weights * limits.velocity / np.abs(arc[1]), axis=1)
@@ -148,7 +150,7 @@ def scan(section: Section, limits: Limits, intervals: int) -> Scan:
         ceiling = np.fmin(ceiling, np.cbrt(np.fmin.reduce(jerks / np.abs(arc[3]), axis=1)))
         tip = q if curve.tip is curve else evaluate(curve.tip, u, u >= section.u_end)
         ratio = np.sqrt(dot(tip[1], tip[1])) / speed
-        feed = np.fmin(limits.feed, chord_feed_limit(curvature(tip), limits))
+        feed = np.fmin(commanded, chord_feed_limit(curvature(tip), limits))
         ceiling = np.fmin(ceiling, np.where(ratio > 0.0, feed / ratio, np.inf))
         acceleration = np.fmin.reduce(accelerations / np.abs(arc[1]), axis=1)
         acceleration = np.fmin(acceleration, np.where(ratio > 0.0, limits.tangential_acceleration / ratio, np.inf))

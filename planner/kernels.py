@@ -12,7 +12,7 @@ PIECES = types.Tuple((READ1, READ3, FLAG, FLAGS2))
 
 
 @njit(forceinline=True, error_model="numpy")
-def _shares_at(q, tip, u1, u2, u3, per_limit, scalars, out):
+def _shares_at(q, tip, u1, u2, u3, feed, per_limit, scalars, out):
     """Shares of all limits used at a point: velocities and feed, accelerations, jerks."""
     dim = q.shape[1]
     u11 = u1 * u1
@@ -22,7 +22,7 @@ def _shares_at(q, tip, u1, u2, u3, per_limit, scalars, out):
         out[j] = abs(d1 * u1) * per_limit[0, j]
         out[dim + 2 + j] = abs(d2 * u11 + d1 * u2) * per_limit[1, j]
         out[2 * dim + 3 + j] = abs(d3 * u111 + d2 * u12 + d1 * u3) * per_limit[2, j]
-    feed, chord, period, along2, along3 = scalars[0], scalars[1], scalars[2], scalars[3], scalars[4]
+    chord, period, along2, along3 = scalars[0], scalars[1], scalars[2], scalars[3]
     dot11 = dot12 = dot13 = dot22 = 0.0
     for j in range(tip.shape[1]):
         d1, d2, d3 = tip[1, j], tip[2, j], tip[3, j]
@@ -50,7 +50,7 @@ def _shares_at(q, tip, u1, u2, u3, per_limit, scalars, out):
 
 
 @njit(forceinline=True, error_model="numpy")
-def _grant(q, tip, digit, h, per_limit, scalars, out):
+def _grant(q, tip, digit, h, feed, per_limit, scalars, out):
     """Shares of the limits that rounding makes of a quintic of duration h.
 
     Half a digit of u at both ends is worth up to 2, 6 and 60 of it over h, h^2 and h^3; nine tenths of that are granted
@@ -68,9 +68,9 @@ def _grant(q, tip, digit, h, per_limit, scalars, out):
     for j in range(tip.shape[1]):
         speed += tip[1, j] ** 2
     speed = np.sqrt(speed)
-    out[dim] = first * speed / scalars[0]
-    out[2 * dim + 2] = second * speed / scalars[3]
-    out[3 * dim + 3] = third * speed / scalars[4]
+    out[dim] = first * speed / feed
+    out[2 * dim + 2] = second * speed / scalars[2]
+    out[3 * dim + 3] = third * speed / scalars[3]
 
 
 @njit(NOTHING(PIECES, PIECES, FLAG, READ2, READ2, I64, READ2, READ1, WRITE2), cache=True, error_model="numpy")
@@ -78,11 +78,11 @@ def shares(axes, tip, cartesian, quintic, spans, points, rows, scalars, out):
     """Write the largest share of speed, acceleration and jerk limits used in each interval into ``out (3, n)``.
 
     ``axes``, ``tip``: pieces of the machine axes and of the tool tip, the same ones if ``cartesian``.  On interval i the
-    parameter u is ``quintic[:, i]`` (ascending powers of the time since its start), for ``spans[0, i]`` seconds, between
-    ``spans[1, i]`` and ``spans[2, i]``, on a stretch between breaks that ends at ``spans[3, i]``; a digit of the law is
-    worth ``spans[4, i]`` of u.  It is looked at in ``points`` + 1 equidistant times, and a peak between them is
-    estimated by the parabola through three.  ``rows (3, dim)``: velocity, acceleration and jerk limits; ``scalars``:
-    feed, chord error, period, tangential acceleration and jerk.
+    parameter u is ``quintic[:, i]`` (ascending powers of the time since its start); ``spans[:, i]`` are its duration, its
+    smallest and largest u, the end of its stretch between breaks, what a digit of the law is worth in u, and the feed
+    limit.  It is looked at in ``points`` + 1 equidistant times, and a peak between them is estimated by the parabola
+    through three.  ``rows (3, dim)``: velocity, acceleration and jerk limits; ``scalars``: chord error, period, tangential
+    acceleration and jerk.
     """
     dim, count = rows.shape[1], 3 * rows.shape[1] + 4
     older, old, new = np.empty(count), np.empty(count), np.empty(count)
@@ -91,7 +91,7 @@ def shares(axes, tip, cartesian, quintic, spans, points, rows, scalars, out):
     p = q if cartesian else np.empty((4, tip[1].shape[1] - 1))
     piece = tip_piece = 0
     for i in range(spans.shape[1]):
-        h, first, last, stretch_end = spans[0, i], spans[1, i], spans[2, i], spans[3, i]
+        h, first, last, stretch_end, feed = spans[0, i], spans[1, i], spans[2, i], spans[3, i], spans[5, i]
         c0, c1, c2, c3, c4, c5 = (
             quintic[0, i],
             quintic[1, i],
@@ -116,9 +116,9 @@ def shares(axes, tip, cartesian, quintic, spans, points, rows, scalars, out):
             piece = point_on_pieces(axes[0], axes[1], axes[2], axes[3], u, left, piece, q)
             if not cartesian:
                 tip_piece = point_on_pieces(tip[0], tip[1], tip[2], tip[3], u, left, tip_piece, p)
-            _shares_at(q, p, u1, u2, u3, per_limit, scalars, new)
+            _shares_at(q, p, u1, u2, u3, feed, per_limit, scalars, new)
             if n == 0:
-                _grant(q, p, spans[4, i], h, per_limit, scalars, granted)
+                _grant(q, p, spans[4, i], h, feed, per_limit, scalars, granted)
             for k in range(count):
                 kind = 0 if k < dim + 2 else (1 if k < 2 * dim + 3 else 2)
                 value = new[k]

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from planner.constraints import JERK_BESIDE_STEP, PERIODS_AROUND_STEP, Parameter
 from planner.geometry.curve import Curve, FloatArray
-from planner.limits import Limits
+from planner.limits import Limits, commanded_feed
 from planner.profile import quintic_coefficients
 
 _GAUSS_POINTS = 8  # on half an interval: the integrand varies little there
@@ -172,11 +172,10 @@ def _chunk(
         (nodes.u[index + 1], nodes.u_rate[index + 1], nodes.u_acceleration[index + 1]),
     )
     digit = np.finfo(float).eps * (np.abs(nodes.u[index + 1]) + np.abs(nodes.u_rate[index]) * nodes.t[index + 1])
-    spans = np.stack([h, nodes.u[index], nodes.u[index + 1], end, digit])
+    feed = commanded_feed(curve, limits, 0.5 * (nodes.u[index] + nodes.u[index + 1]))  # steps only at nodes
+    spans = np.stack([h, nodes.u[index], nodes.u[index + 1], end, digit, feed])
     rows = np.stack([limits.velocity, limits.acceleration, limits.jerk])
-    scalars = np.array(
-        [limits.feed, limits.chord_error, limits.period, limits.tangential_acceleration, limits.tangential_jerk]
-    )
+    scalars = np.array([limits.chord_error, limits.period, limits.tangential_acceleration, limits.tangential_jerk])
     out = np.empty((3, index.size))
     axes, tip = (
         (part.breaks, part.coefficients, part.rational, part.resting) for part in (curve.pieces, curve.tip.pieces)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from planner.errors import InputError
 from planner.geometry.curve import AXES, ROTARY_AXES, Curve, FloatArray, Side, axis_names
@@ -201,11 +201,18 @@ def feedrate_limits(
         normal = np.sqrt((factor * limits.acceleration / np.abs(second)).min(axis=-1))
     moving = speed2[..., 0] > 0.0
     return FeedrateLimits(
-        command=np.full(moving.shape, limits.feed),
+        command=commanded_feed(curve, limits, np.asarray(u, dtype=np.float64), side == "left"),
         axis_velocity=np.where(moving, axis_velocity, np.inf),
         chord_error=chord_feed_limit(curve.tip.curvature(u, side=side), limits),
         normal_acceleration=np.where(moving, normal, np.inf),
     )
+
+
+def commanded_feed(curve: Curve, limits: Limits, u: FloatArray, left: NDArray[np.bool_] | bool = False) -> FloatArray:
+    """Feed limit at parameters u, mm/s: that of the limits, or what the curve's own caps command where it is lower."""
+    if curve.feed_caps is None:
+        return np.full(u.shape, limits.feed)
+    return np.minimum(limits.feed, curve.feed_caps.at(u, left))
 
 
 def chord_feed_limit(curvature: FloatArray, limits: Limits) -> FloatArray:

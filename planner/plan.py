@@ -12,11 +12,11 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from planner.errors import InfeasibleError, InputError
-from planner.geometry.curve import Curve, arc_derivatives
+from planner.geometry.curve import Curve, FloatArray, arc_derivatives
 from planner.law import TimeNodes, utilisation
 from planner.limits import Limits, feedrate_limits
 from planner.profile import FeedrateProfile, make_profile
-from planner.refine import DEFAULT_INTERVALS, MIN_INTERVALS, PEAK_MARGIN, Progress, SectionPlan
+from planner.refine import MIN_INTERVALS, PEAK_MARGIN, Effort, Progress, SectionPlan
 from planner.refine import plan_section as plan_and_refine
 from planner.sections import Section, cut
 
@@ -56,7 +56,8 @@ def plan_feedrate(
     budget : float
         Computing time after which the best plan so far is returned, s (method ``optimal``).
     intervals : int, optional
-        Number of intervals of the grid; refined as needed if left out.
+        Number of intervals of the grid, shared out among the sections between exact stops; refined as needed if left
+        out.
     exact_stop : bool
         Stop at curvature discontinuities instead of passing them slowly.
     progress : callable, optional
@@ -84,11 +85,12 @@ def plan_feedrate(
             "begin there and plan it from stop to stop"
         )
     plans = []
-    total = sum(section.u_end - section.u_start for section in sections)
+    shares = _shares(sections)
     for i, section in enumerate(sections):
         if progress is not None:
-            progress(f"section {i + 1} of {len(sections)}", (section.u_start - sections[0].u_start) / total)
-        plans.append(_plan_section(section, limits, method, periodic, began + budget, intervals, progress))
+            progress(f"section {i + 1} of {len(sections)}", float(shares[:i].sum()))
+        effort = Effort.for_share(intervals, float(shares[i]))
+        plans.append(_plan_section(section, limits, method, periodic, began + budget, effort, progress))
     nodes = _chain([plan.nodes for plan in plans])
     stats = _collect(sections, plans, limits, exact_stop)
     stats["planning_s"] = time.perf_counter() - began
@@ -157,13 +159,21 @@ def _require_closed(curve: Curve, start_feed: float, end_feed: float) -> None:
         )
 
 
+def _shares(sections: list[Section]) -> FloatArray:
+    """Share of each section in the length of the tool path; of the parameter where the tip does not move."""
+    u = np.array([section.u_start for section in sections] + [sections[-1].u_end])
+    lengths = np.diff(sections[0].curve.arclength.s(u))
+    lengths = lengths if lengths.sum() > 0.0 else np.diff(u)
+    return np.asarray(lengths / lengths.sum())
+
+
 def _plan_section(
     section: Section,
     limits: Limits,
     method: str,
     periodic: bool,
     deadline: float,
-    intervals: int | None,
+    effort: Effort,
     progress: Progress | None,
 ) -> SectionPlan:
     if method == "scurve":
@@ -175,7 +185,7 @@ def _plan_section(
     if method == "toppra" or not (np.isfinite(limits.jerk).any() or np.isfinite(limits.tangential_jerk)):
         from planner.solvers.topp import plan_section as plan_without_jerk
 
-        nodes, bound, stats = plan_without_jerk(section, limits, intervals or DEFAULT_INTERVALS)
+        nodes, bound, stats = plan_without_jerk(section, limits, effort.intervals)
         if not section.has_prescribed_feed:
             used = utilisation(section.curve, limits, nodes)
             slowdown = max(float(used.speed.max()), float(np.sqrt(used.acceleration.max())))
@@ -187,7 +197,7 @@ def _plan_section(
         method=method,
         periodic=periodic,
         deadline=deadline,
-        intervals=intervals,
+        effort=effort,
         progress=progress,
     )
 
@@ -205,7 +215,10 @@ def _chain(parts: list[TimeNodes]) -> TimeNodes:
 
 def _collect(sections: list[Section], plans: list[SectionPlan], limits: Limits, exact_stop: bool) -> dict[str, Any]:
     """What the solver did, over all sections, and what a reader of the verdict should know of the path."""
-    notes = [f"exact stop at u = {section.u_start:.6g}" for section in sections[1:]]
+    notes = []
+    for section in sections[1:]:
+        bend = f", a bend of {section.bend:.3g} mm radius" if section.bend > 0.0 else ""
+        notes.append(f"exact stop at u = {section.u_start:.6g}{bend}")
     for section in sections:
         notes += [
             f"curvature jumps by {b.curvature_jump:.4g} 1/mm at u = {b.u:.6g}: passed slowly, so that the samples at "

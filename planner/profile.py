@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from planner.errors import InputError
 from planner.geometry.curve import MAX_DERIVATIVE, Curve, FloatArray, curvature, dot
-from planner.limits import Limits, chord_feed_limit
+from planner.limits import Limits, chord_feed_limit, commanded_feed
 
 # A limit holds the path back where it is used up to within this fraction.
 _BINDING_SHARE = 0.995
@@ -257,7 +257,8 @@ def make_profile(
     q = curve.pieces.evaluate(u, MAX_DERIVATIVE, ~forward)
     tip = q if curve.tip is curve else curve.tip.pieces.evaluate(u, MAX_DERIVATIVE, ~forward)
     along = np.stack(along_path(tip, law))
-    names, binding = _binding(curve, limits, law, along, q, tip)
+    commanded = commanded_feed(curve, limits, u, ~forward)
+    names, binding = _binding(curve, limits, law, along, q, tip, commanded)
     s = curve.arclength.s(u)
     return FeedrateProfile(
         curve,
@@ -284,6 +285,7 @@ def _binding(
     along: FloatArray,
     q: FloatArray,
     tip: FloatArray,
+    commanded: FloatArray,
 ) -> tuple[tuple[str, ...], NDArray[np.int8]]:
     """Name, at each node, the limit with the largest share used, if it is nearly used up."""
     u, u1, u2, u3 = law
@@ -301,7 +303,7 @@ def _binding(
     names = ["none", "feed", "chord error", "tangential acceleration", "tangential jerk"]
     used = [
         np.full(u.size, _BINDING_SHARE),
-        along[0] / limits.feed,
+        along[0] / commanded,
         np.nan_to_num(chord, nan=0.0, posinf=0.0),
         np.abs(along[1]) / limits.tangential_acceleration,
         np.abs(along[2]) / limits.tangential_jerk,

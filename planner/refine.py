@@ -37,6 +37,7 @@ Progress = Callable[[str, float | None], None]
 
 DEFAULT_INTERVALS = 1000
 MIN_INTERVALS = 24
+_LEAST_INTERVALS = 200  # of one section among several
 _COARSER = 8
 _COARSE_GAP = 1e-2
 _LEAST_GUESS = 1e-6
@@ -64,6 +65,22 @@ class SectionPlan:
     nodes: TimeNodes
     lower_bound: float
     stats: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Effort:
+    """Number of intervals to begin with, and whether refinement may choose more."""
+
+    intervals: int
+    free: bool
+
+    @classmethod
+    def for_share(cls, intervals: int | None, share: float) -> Effort:
+        """For a section with this share of the path, given the number of intervals asked for, if any."""
+        if intervals is None:
+            least = DEFAULT_INTERVALS if share == 1.0 else _LEAST_INTERVALS
+            return cls(max(least, round(DEFAULT_INTERVALS * share)), True)
+        return cls(max(MIN_INTERVALS, round(intervals * share)), False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,7 +210,7 @@ def plan_section(
     method: str,
     periodic: bool,
     deadline: float,
-    intervals: int | None,
+    effort: Effort,
     progress: Progress | None,
 ) -> SectionPlan:
     """Plan one section by the method optimal or nlp, see the sketch above.
@@ -205,7 +222,7 @@ def plan_section(
     SolverError
         If no plan was found, or none that keeps the limits with the feeds prescribed.
     """
-    wanted = intervals or DEFAULT_INTERVALS
+    wanted = effort.intervals
     guess = scan(section, limits, wanted)
     most = resolvable(guess)
     notes = []
@@ -241,7 +258,7 @@ def plan_section(
         accepted = slowdown <= (_MET if task.prescribed else _ACCEPTED_SLOWDOWN)
         if accepted or time.perf_counter() > deadline:
             break
-        may_split = slowdown > (_TOO_COARSE if intervals is None else _HOPELESS) and stage.grid.intervals < most
+        may_split = slowdown > (_TOO_COARSE if effort.free else _HOPELESS) and stage.grid.intervals < most
         stage, attempt = stage.next(task, attempt, used, may_split=may_split)
     if best is None:
         raise SolverError("no round of refinement was run")

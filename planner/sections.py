@@ -26,6 +26,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.bends import tight_bends
 from planner.geometry.arclength import ArcLength
 from planner.geometry.curve import Break, Curve, FloatArray, dot
 from planner.limits import Limits
@@ -63,6 +64,8 @@ class Section:
         Widths of the rest map in y; 0 at an end that has a feed.
     jumps : tuple of Break
         Curvature jumps inside, to be passed at a feed that keeps the samples' jerk within its limit.
+    bend : float
+        Radius, mm, of the bend at whose tip it begins (weighted as the arc length is); 0 if it begins elsewhere.
     """
 
     curve: Curve
@@ -74,6 +77,7 @@ class Section:
     blend_start: float = 0.0
     blend_end: float = 0.0
     jumps: tuple[Break, ...] = ()
+    bend: float = 0.0
 
     @property
     def has_prescribed_feed(self) -> bool:
@@ -217,20 +221,22 @@ def axis_weights(limits: Limits) -> FloatArray:
 def cut(
     curve: Curve, limits: Limits, start_feed: float, end_feed: float, *, exact_stop: bool, periodic: bool = False
 ) -> list[Section]:
-    """Cut a path at its corners (and, with ``exact_stop``, at its curvature jumps).
+    """Cut a path at its corners and at bends as tight as corners to this machine (``exact_stop``: at curvature jumps too).
 
     Returns
     -------
     list of Section
         In the order of the path, not yet with rest blends (see :func:`with_blends`).
     """
-    stops = [b for b in curve.breaks if b.geometric == 0 or (exact_stop and b.geometric == 1)]
-    at_rest = [curve.domain[0], *(b.u for b in stops), curve.domain[1]]
     weights = axis_weights(limits)
+    stops = {b.u: 0.0 for b in curve.breaks if b.geometric == 0 or (exact_stop and b.geometric == 1)}
+    if not periodic:
+        stops |= {bend.u: bend.radius for bend in tight_bends(curve, limits, weights)}
+    breaks = np.array([b.u for b in curve.breaks])
     arc: ArcLength | None = None
     sections = []
-    for i, (u0, u1) in enumerate(pairwise(at_rest)):
-        inside = [b for b in curve.breaks if u0 < b.u < u1]
+    for i, (u0, u1) in enumerate(pairwise([curve.domain[0], *sorted(stops), curve.domain[1]])):
+        inside = curve.breaks[np.searchsorted(breaks, u0, side="right") : np.searchsorted(breaks, u1)]
         smooth = all(b.parametric >= 2 for b in inside) and not (periodic and _seam_jumps(curve))
         if not smooth and arc is None:
             arc = weighted_arclength(curve, weights)
@@ -245,6 +251,7 @@ def cut(
                 None if leave == 0.0 else leave,
                 None if smooth else arc,
                 jumps=tuple(b for b in inside if b.geometric == 1),
+                bend=stops.get(u0, 0.0),
             )
         )
     return sections

@@ -155,10 +155,11 @@ def test_mixed_program_in_space():
     corner_breaks = [b.u for b in path.curve.breaks if b.geometric == 0]
     assert corner_breaks == pytest.approx([stop.u for stop in path.stops])
     assert all(b.parametric >= 2 for b in path.curve.breaks if b.geometric > 0)
-    assert path.feed_caps[:, 2].tolist() == [np.inf, 100.0, 25.0, 100.0]
-    assert (path.feed_caps[1:, 0] == path.feed_caps[:-1, 1]).all()
-    assert path.feed_caps[2, 0] == path.u[4]
-    assert np.isin(path.feed_caps[1:, 0], path.curve._candidate_breaks()).all()
+    caps = path.curve.feed_caps
+    assert caps.feed.tolist() == [np.inf, 100.0, 25.0, 100.0]
+    assert (caps.edges[0], caps.edges[-1]) == path.curve.domain
+    assert caps.edges[2] == path.u[4]
+    assert np.isin(caps.edges[1:-1], path.curve._candidate_breaks()).all()
     assert path.deviation.largest <= 0.02
     profile = plan_feedrate(path.curve, LIMITS)
     assert check(path.curve, LIMITS, profile).ok

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from planner.errors import CurveError
 from planner.geometry.blend import Blends, Legs
-from planner.geometry.curve import Break, Curve, FloatArray, Pieces, Side, axis_names, continuity
+from planner.geometry.curve import Break, Curve, FeedCaps, FloatArray, Pieces, Side, axis_names, continuity
 from planner.geometry.fit import _interpolate as interpolate
 
 _FIT_TOLERANCE = 1e-14  # of the extent
@@ -57,6 +57,8 @@ class ChainCurve(Curve):
         Inner edges at which the path is stopped exactly, whatever its shape.
     marks : (l,) array
         Further parameters inside at which a plan must have a knot, as where the feed cap changes.
+    feed_caps : FeedCaps, optional
+        What the program's F words allow.
     """
 
     edges: FloatArray
@@ -71,6 +73,7 @@ class ChainCurve(Curve):
     marks: FloatArray
     axes: tuple[str, ...] = ()
     name: str = "chain"
+    feed_caps: FeedCaps | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "axes", axis_names(self.axes or None, self.legs.vectors.shape[2], self.name))

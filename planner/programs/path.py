@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from planner.errors import CurveError, InputError, SolverError
 from planner.geometry.blend import Legs
 from planner.geometry.chain import ChainCurve, Kind
-from planner.geometry.curve import FloatArray
+from planner.geometry.curve import FeedCaps, FloatArray
 from planner.geometry.inputs import positive_number
 from planner.limits import Limits
 from planner.programs import knots as knotting
@@ -56,15 +56,14 @@ class ProgramPath:
     Attributes
     ----------
     curve : ChainCurve
-        The path; its parameter is arc length, mm (nearly, on tubes).
+        The path; its parameter is arc length, mm (nearly, on tubes).  Its ``feed_caps`` are the program's F words, inf
+        on rapids.
     line : (m,) int array
         Line number of every block that moves.
     u : (m + 1,) array
         Curve parameters at which the blocks begin and end, mm, increasing.
     rapid : (m,) bool array
         Blocks at the machine's own limits.
-    feed_caps : (k, 3) array
-        Stretches u_start, u_end with the feed cap there, mm/s; inf on rapids.  Neighbours with the same cap are one.
     stops : tuple of Stop
         Exact stops inside the path.
     tolerance : float
@@ -87,7 +86,6 @@ class ProgramPath:
     line: NDArray[np.int64]
     u: FloatArray
     rapid: NDArray[np.bool_]
-    feed_caps: FloatArray
     stops: tuple[Stop, ...]
     tolerance: float
     deviation: Deviation
@@ -406,7 +404,7 @@ def _report(program: Program, blocks: Blocks, built: _Built, found: Deviation, s
     )
     feed = blocks.feed
     changes = np.concatenate([[0], 1 + np.flatnonzero(feed[1:] != feed[:-1])])
-    caps = np.column_stack([u[changes], u[np.append(changes[1:], feed.size)], feed[changes]])
+    caps = FeedCaps(np.append(u[changes], u[-1]), feed[changes])
     counts = {
         "blocks": line.size,
         "corners": int(np.count_nonzero(junctions.kind == Junction.CORNER)),
@@ -417,14 +415,13 @@ def _report(program: Program, blocks: Blocks, built: _Built, found: Deviation, s
         "stops": len(stops),
     }
     intervals = _INTERVALS_PER_CORNER * counts["corners"] + _INTERVALS_PER_KNOT * counts["knots"]
-    for array in (line, u, caps):
+    for array in (line, u):
         array.setflags(write=False)
     return ProgramPath(
-        curve=built.curve,
+        curve=replace(built.curve, feed_caps=caps),
         line=line,
         u=u,
         rapid=blocks.rapid,
-        feed_caps=caps,
         stops=stops,
         tolerance=float(blocks.tolerance.max()),
         deviation=found,

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from planner.errors import InputError
 from planner.geometry.curve import Curve, FloatArray, Side, curvature
-from planner.limits import Limits, chord_feed_limit
+from planner.limits import Limits, chord_feed_limit, commanded_feed
 from planner.profile import along_path, quintic_coefficients
 
 Nodes = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
@@ -149,7 +149,8 @@ def describe(curve: Curve, limits: Limits, u_start: float, u_end: float, fastest
     edges = np.unique(np.clip(length.edges, u_start, u_end))
     panels = edges[:-1, None] + np.diff(edges)[:, None] * np.linspace(0.0, 1.0, _PANEL_POINTS, endpoint=False)
     even = np.linspace(u_start, u_end, _EVEN_POINTS + 1)
-    u = np.concatenate([even, panels.reshape(-1), [b.u for b in inside], length.u(at_s)])
+    steps = curve.feed_caps.edges if curve.feed_caps is not None else np.empty(0)
+    u = np.concatenate([even, panels.reshape(-1), [b.u for b in inside], steps, length.u(at_s)])
     arc_derivatives_of_axes(curve, np.clip(u, u_start, u_end), "right")  # before points of equal s, where it rests, go
     for remaining in reversed(range(_PASSES)):
         u = np.unique(np.clip(u, u_start, u_end))
@@ -207,7 +208,8 @@ def _limit_rows(
         acceleration, jerk = np.append(acceleration, tangential[0]), np.append(jerk, tangential[1])
     jerks = jerk * jerk_share[:, None]
     parts = t / velocity, t / acceleration, k / acceleration, t / jerks, 3.0 * k / jerks, z / jerks
-    cap = np.minimum(limits.feed, chord_feed_limit(curve.tip.curvature(u, side=side), limits))
+    commanded = commanded_feed(curve, limits, u, side == "left")
+    cap = np.minimum(commanded, chord_feed_limit(curve.tip.curvature(u, side=side), limits))
     v, a, j = (np.abs(parts[i]).max(axis=1) for i in (0, 2, 5))
     with np.errstate(divide="ignore"):
         limit = np.minimum.reduce([cap, 1.0 / v, a**-0.5, np.cbrt(1.0 / j)])
@@ -394,7 +396,8 @@ def _shares(
     v, a, j = (part[:, None] for part in law[1:])
     tip = q if curve.tip is curve else curve.tip.derivatives(law[0], 3, side=side)
     feed, along, along_jerk = along_path(tip, (law[0], law[1], law[2], law[3]))
-    cap = np.minimum(limits.feed, chord_feed_limit(curvature(tip), limits))
+    commanded = commanded_feed(curve, limits, law[0], side == "left")
+    cap = np.minimum(commanded, chord_feed_limit(curvature(tip), limits))
     of_axes = [
         np.abs(q[1] * v) / limits.velocity,
         np.abs(q[2] * v**2 + q[1] * a) / limits.acceleration,

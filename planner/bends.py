@@ -1,0 +1,117 @@
+"""Bends so tight that a machine takes them as corners.
+
+A bend of radius R is passed at no more than min((A R)^(1/2), (J R^2)^(1/3)).  Below a radius of about 8e-4 A^3 / J^2, 2 um
+for 1000 mm/s^2 and 20000 mm/s^3, that is so slow against what the machine reaches within a few hundredths of a second
+that passing gains nothing over stopping, while the plan would need nodes at the scale of nanometres there.  Such a bend
+is an exact stop.
+
+The curvature of a spline rises steeply where |C'| nearly vanishes, over a stretch that is short against a knot span.  So
+what is looked for is, on every piece, the highest of the curvatures sampled and the least |C'|; each is refined.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.geometry.curve import Curve, FloatArray, curvature, dot, golden_minimum
+from planner.limits import Limits
+
+_SMALLEST_RADIUS = 8e-4  # times A^3 / J^2
+_SAMPLES = 16  # a piece
+_BLOCK = 4096  # pieces at a time, which bounds the memory
+_WORTH_REFINING = 0.1  # of the curvature at which a bend is a corner
+_PASSES = 48  # of the golden section, 1e-10 of the interval
+_NEAR = 1e-3  # of the interval between samples
+_SLOW = 0.5  # |C'| against its values around
+_APART = 4.0  # times the smallest radius: bends closer than this along the path are one
+
+
+@dataclass(frozen=True)
+class Bend:
+    """A bend taken as a corner: its parameter and its radius, mm of the axes as ``axis_weights`` weighs them."""
+
+    u: float
+    radius: float
+
+
+def smallest_radius(limits: Limits, weights: FloatArray) -> float:
+    """Radius below which a bend is a corner, in weighted units; 0 where acceleration or jerk have no limit."""
+    acceleration, jerk = weights * limits.acceleration, weights * limits.jerk
+    if not (np.isfinite(acceleration).any() and np.isfinite(jerk).any()):
+        return 0.0
+    return _SMALLEST_RADIUS * float(acceleration.min()) ** 3 / float(jerk.min()) ** 2
+
+
+def tight_bends(curve: Curve, limits: Limits, weights: FloatArray) -> list[Bend]:
+    """Find the bends of a curve that are corners to a machine, in order of u."""
+    radius = smallest_radius(limits, weights)
+    if radius == 0.0:
+        return []
+    edges = curve.pieces.breaks
+
+    def weighted(u: FloatArray) -> FloatArray:
+        d = curve.pieces.evaluate(u, 2, False)
+        d[1:] *= weights
+        return d
+
+    found: list[tuple[FloatArray, FloatArray]] = []
+    for first in range(0, edges.size - 1, _BLOCK):
+        block = edges[first : first + _BLOCK + 1]
+        share = (np.arange(_SAMPLES) + 0.5) / _SAMPLES
+        u = (block[:-1, None] + np.diff(block)[:, None] * share).reshape(-1)
+        d = weighted(u)
+        at = _candidates(d, radius)
+        if at.size == 0:
+            continue
+        lo = np.where(at > 0, u[np.maximum(at - 1, 0)], block[0])
+        hi = np.where(at < u.size - 1, u[np.minimum(at + 1, u.size - 1)], block[-1])
+        # First to where the curve is slowest, next to which its curvature has its peak; then to the peak, there and here.
+        slow, least = golden_minimum(lambda x: dot(*[weighted(x)[1]] * 2), lo, hi, _PASSES)
+        reach = np.minimum(hi - lo, 4.0 * np.sqrt(least) * radius + _NEAR * (hi - lo))
+        a, b = (
+            np.concatenate(ends) for ends in ((np.maximum(slow - reach, lo), lo), (np.minimum(slow + reach, hi), hi))
+        )
+        top, negative = golden_minimum(lambda x: -curvature(weighted(x)), a, b, _PASSES)
+        found.append((top, -negative))
+    return _separate(curve, weights, radius, found)
+
+
+def _candidates(d: FloatArray, radius: float) -> NDArray[np.intp]:
+    """Samples next to which the curvature may reach 1 / radius, from the derivatives (3, n, dim) there.
+
+    By the second derivative C' runs along a straight line, which comes as close to 0 as |n|, n its part across C''; there
+    the curvature is |C''| / |n|^2.
+    """
+    bend, speed = curvature(d), np.sqrt(dot(d[1], d[1]))
+    around = np.pad(bend, 1, constant_values=-np.inf)
+    peak = (bend >= around[:-2]) & (bend >= around[2:]) & (bend * radius > _WORTH_REFINING)
+    slower = np.pad(speed, 2, mode="edge")
+    least = (speed <= slower[1:-3]) & (speed <= slower[3:-1]) & (speed <= _SLOW * np.maximum(slower[:-4], slower[4:]))
+    second = dot(d[2], d[2])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        across = d[1] - (dot(d[1], d[2]) / second)[:, None] * d[2]
+        least &= np.sqrt(second) * radius > _WORTH_REFINING * dot(across, across)
+    return np.flatnonzero(peak | least)
+
+
+def _separate(
+    curve: Curve, weights: FloatArray, radius: float, found: list[tuple[FloatArray, FloatArray]]
+) -> list[Bend]:
+    """Of the peaks above the limit, those that are not one bend with a sharper one; none at the ends of the curve."""
+    if not found:
+        return []
+    u, bend = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    sharp = np.flatnonzero(bend * radius > 1.0)
+    sharp = sharp[np.argsort(-bend[sharp], kind="stable")]
+    kept: list[int] = []
+    points = curve.pieces.evaluate(u, 0, False)[0] * weights
+    ends = curve.pieces.evaluate(np.array(curve.domain), 0, False)[0] * weights
+    taken = ends
+    for i in sharp:
+        if np.sqrt(((taken - points[i]) ** 2).sum(axis=1)).min() > _APART * radius:
+            kept.append(int(i))
+            taken = np.vstack([taken, points[i]])
+    return sorted((Bend(float(u[i]), 1.0 / float(bend[i])) for i in kept), key=lambda bend: bend.u)

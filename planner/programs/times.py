@@ -1,0 +1,298 @@
+"""How long every line of a part program takes, and what holds it back.
+
+The time of a line is the time law of the plan between the curve parameters at which its block begins and ends, so the
+lines add up to the duration.  What happens while the machine rests is not in the plan: dwells, with their seconds, and
+tool changes, whose time no program says, are columns of their own.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from planner.errors import InputError
+from planner.geometry.curve import FloatArray
+from planner.profile import FeedrateProfile, quintic_coefficients
+from planner.programs.path import ProgramPath
+from planner.programs.program import ARC, LINE, RAPID, Program
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+KINDS = ("none", "rapid", "line", "arc")
+_KIND_OF_MOVE = {RAPID: 1, LINE: 2, ARC: 3}
+_FORMAT = "feedplan-lines 1"
+_UNITS = "mm, s; share is the part of the line's time for which the limit beside it holds it back"
+# Newton's steps to a time within an interval; next to a rest, where u goes with the cube of time, each leaves 2/3.
+_MOST_STEPS = 100
+_ROUNDING = 4.0 * np.finfo(np.float64).eps
+
+
+@dataclass(frozen=True, eq=False)
+class LineTimes:
+    """The time of every line that moves, or would but for its length, or dwells, or changes the tool; read-only arrays.
+
+    Attributes
+    ----------
+    line : (m,) int64 array
+        Line number in the file, from 1; strictly increasing.
+    kind : (m,) int8 array
+        Index into ``KINDS``: none, rapid, line, arc.
+    length : (m,) array
+        Programmed path length, mm.
+    u_start, u_end : (m,) arrays
+        Curve parameters between which the plan runs the line; equal where it does not move.
+    seconds : (m,) array
+        Time of the motion, s; they add up to the duration of the plan.
+    binding : (m,) int8 array
+        Index into ``limit_names`` of the limit that holds the line back for the largest share of its time; 0 where none
+        does at any time.
+    share : (m,) array
+        That share, 0 to 1.
+    dwell : (m,) array
+        Seconds of G4.
+    tool_changes : (m,) int8 array
+        Number of tool changes.
+    limit_names : tuple of str
+        As in the profile; "none" first.
+    """
+
+    line: NDArray[np.int64]
+    kind: NDArray[np.int8]
+    length: FloatArray
+    u_start: FloatArray
+    u_end: FloatArray
+    seconds: FloatArray
+    binding: NDArray[np.int8]
+    share: FloatArray
+    dwell: FloatArray
+    tool_changes: NDArray[np.int8]
+    limit_names: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)
+
+    @property
+    def moving(self) -> float:
+        """Time of all motion, s."""
+        return math.fsum(self.seconds)
+
+    @property
+    def dwelling(self) -> float:
+        """Time of all dwells, s."""
+        return math.fsum(self.dwell)
+
+    @property
+    def changes(self) -> int:
+        """Number of tool changes."""
+        return int(self.tool_changes.sum())
+
+
+def line_times(program: Program, path: ProgramPath, profile: FeedrateProfile) -> LineTimes:
+    """Share the time of a plan out among the lines of its program.
+
+    Parameters
+    ----------
+    program : Program
+    path : ProgramPath
+        The path of that program.
+    profile : FeedrateProfile
+        A plan for the curve of that path.
+
+    Returns
+    -------
+    LineTimes
+
+    Raises
+    ------
+    InputError
+        If the plan is for another curve.
+    """
+    if profile.curve is not path.curve and profile.curve.fingerprint != path.curve.fingerprint:
+        raise InputError(f"the plan is for the curve {profile.curve.name}, not for the path of {program.source}")
+    edges = times_at(profile, path.u)
+    edges[0], edges[-1] = 0.0, profile.duration
+    edges = np.maximum.accumulate(edges)
+    binding, held = _largest_share(profile, edges)
+    dwells = [(event.line, event.seconds) for event in program.events if event.kind == "dwell"]
+    changes = [event.line for event in program.events if event.kind == "tool_change"]
+    others = [program.zero_lines, np.array([line for line, _ in dwells] + changes, dtype=np.int64)]
+    line = np.unique(np.concatenate([path.line, *others]))
+    columns: dict[str, FloatArray] = {name: np.zeros(line.size) for name in ("length", "seconds", "share", "dwell")}
+    kind, named, tools = (np.zeros(line.size, dtype=np.int8) for _ in range(3))
+    at = np.searchsorted(line, path.line)
+    move = np.searchsorted(program.line, path.line)
+    for code, value in _KIND_OF_MOVE.items():
+        kind[at[program.kind[move] == code]] = value
+    seconds = np.diff(edges)
+    columns["length"][at], columns["seconds"][at], named[at] = program.lengths[move], seconds, binding
+    columns["share"][at] = np.divide(held, seconds, out=np.zeros(seconds.size), where=seconds > 0.0)
+    for number, length in dwells:
+        columns["dwell"][np.searchsorted(line, number)] += length
+    np.add.at(tools, np.searchsorted(line, changes), 1)
+    before, after = np.searchsorted(path.line, line, side="left"), np.searchsorted(path.line, line, side="right")
+    return LineTimes(
+        line=line,
+        kind=kind,
+        u_start=path.u[before],
+        u_end=path.u[after],
+        binding=named,
+        tool_changes=tools,
+        limit_names=profile.limit_names,
+        **columns,
+    )
+
+
+def times_at(profile: FeedrateProfile, u: ArrayLike) -> FloatArray:
+    """Find the times at which a plan first reaches curve parameters.
+
+    Parameters
+    ----------
+    profile : FeedrateProfile
+    u : (n,) array_like
+        Curve parameters from end to end of the plan.
+
+    Returns
+    -------
+    (n,) array
+        s.  On a node its own time, elsewhere the root of the quintic between two nodes, to rounding.
+    """
+    wanted = np.asarray(u, dtype=np.float64)
+    node = np.minimum(np.searchsorted(profile.u, wanted, side="left"), profile.u.size - 1)
+    out = profile.t[node].copy()
+    inside = np.flatnonzero((profile.u[node] > wanted) & (node > 0))
+    if not inside.size:
+        return out
+    i = node[inside] - 1
+    law = (profile.u, profile.u_rate, profile.u_acceleration)
+    h = profile.t[i + 1] - profile.t[i]
+    c = quintic_coefficients(h, *(tuple(column[k] for column in law) for k in (i, i + 1)))  # type: ignore[arg-type]
+    c[0] -= wanted[inside]
+    out[inside] = profile.t[i] + _roots(c, h)
+    return out
+
+
+def _roots(c: FloatArray, h: FloatArray) -> FloatArray:
+    """Roots in [0, h] of quintics c (6, n) that rise from below 0 to above, by Newton's method within a bracket."""
+    lo, hi = np.zeros(h.size), h.copy()
+    w = 0.5 * h
+    todo = np.arange(h.size)
+    for _ in range(_MOST_STEPS):
+        x, k = w[todo], c[:, todo]
+        value = k[0] + x * (k[1] + x * (k[2] + x * (k[3] + x * (k[4] + x * k[5]))))
+        slope = k[1] + x * (2.0 * k[2] + x * (3.0 * k[3] + x * (4.0 * k[4] + x * 5.0 * k[5])))
+        lo[todo], hi[todo] = np.where(value <= 0.0, x, lo[todo]), np.where(value > 0.0, x, hi[todo])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            new = x - value / slope
+        new = np.where((new >= lo[todo]) & (new <= hi[todo]), new, 0.5 * (lo[todo] + hi[todo]))
+        w[todo] = new
+        todo = todo[np.abs(new - x) > _ROUNDING * h[todo]]
+        if not todo.size:
+            break
+    return w
+
+
+def _largest_share(profile: FeedrateProfile, edges: FloatArray) -> tuple[NDArray[np.int8], FloatArray]:
+    """Between neighbouring times, the limit that binds for longest and for how long, s.
+
+    A node speaks for the time from the middle of the interval before it to the middle of the one after it.
+    """
+    middle = 0.5 * (profile.t[1:] + profile.t[:-1])
+    cuts = np.sort(np.concatenate([edges, middle]))
+    width = np.diff(cuts)
+    centre = 0.5 * (cuts[1:] + cuts[:-1])
+    limit = profile.binding[np.searchsorted(middle, centre)]
+    row = np.clip(np.searchsorted(edges, centre, side="right") - 1, 0, edges.size - 2)
+    longest, held = np.zeros(edges.size - 1, dtype=np.int8), np.zeros(edges.size - 1)
+    for name in range(1, len(profile.limit_names)):
+        of_this = limit == name
+        seconds = np.bincount(row[of_this], width[of_this], edges.size - 1)
+        longest, held = np.where(seconds > held, np.int8(name), longest), np.maximum(seconds, held)
+    return longest, held
+
+
+def write_line_times(path: str | Path, times: LineTimes, source: str, *, without_jerk: LineTimes | None = None) -> None:
+    """Write the lines as CSV or NPZ, a row each.
+
+    Parameters
+    ----------
+    path : str or Path
+        ``.csv`` (also without a suffix) or ``.npz``.
+    times : LineTimes
+    source : str
+        Name of the program, for the header.
+    without_jerk : LineTimes, optional
+        The same lines planned without a jerk limit: a column more.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written; then none is left behind.
+    """
+    from planner.tablefile import write_columns
+
+    columns = {
+        "line": times.line,
+        "kind": times.kind,
+        "length_mm": times.length,
+        "seconds": times.seconds,
+        "held_back_by": times.binding,
+        "share": times.share,
+        "dwell_s": times.dwell,
+        "tool_changes": times.tool_changes,
+        "u_start": times.u_start,
+        "u_end": times.u_end,
+    }
+    header = {
+        "format": _FORMAT,
+        "units": _UNITS,
+        "program": " ".join(source.split()),
+        "seconds": repr(times.moving),
+        "dwell_s": repr(times.dwelling),
+        "tool_changes": str(times.changes),
+    }
+    if without_jerk is not None:
+        columns["without_jerk_limit_s"] = without_jerk.seconds
+        header["without_jerk_limit_s"] = repr(without_jerk.moving)
+    header["rows"] = str(times.line.size)
+    write_columns(path, header, columns, {"kind": KINDS, "held_back_by": times.limit_names})
+
+
+def line_table(times: LineTimes, *, without_jerk: LineTimes | None = None, rows: int = 12) -> Table:
+    """Lay the longest lines out for a terminal, with what the others take together and the total."""
+    from rich.table import Table
+
+    heads = ["line", "kind", "length mm", "seconds", "held back by", "of its time", "dwell s"]
+    if without_jerk is not None:
+        heads.insert(4, "no jerk limit")
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="underline")
+    for head in heads:
+        table.add_column(head, justify="left" if head in {"kind", "held back by"} else "right", no_wrap=True)
+    order = np.argsort(-(times.seconds + times.dwell), kind="stable")
+    for k in order[:rows]:
+        named = times.limit_names[times.binding[k]] if times.binding[k] else "no limit" if times.seconds[k] else ""
+        share = f"{100.0 * times.share[k]:.0f}%" if times.binding[k] else ""
+        cells = [str(times.line[k]), KINDS[times.kind[k]], f"{times.length[k]:.3f}", f"{times.seconds[k]:.4f}"]
+        cells += [named, share, f"{times.dwell[k]:.3g}" if times.dwell[k] else ""]
+        _add(table, cells, None if without_jerk is None else float(without_jerk.seconds[k]))
+    others = order[rows:]
+    if others.size:
+        cells = [f"{others.size} others", "", f"{times.length[others].sum():.3f}", f"{times.seconds[others].sum():.4f}"]
+        cells += ["", "", f"{times.dwell[others].sum():.3g}" if times.dwell[others].any() else ""]
+        _add(table, cells, None if without_jerk is None else float(without_jerk.seconds[others].sum()))
+    cells = ["all", "", f"{times.length.sum():.3f}", f"{times.moving:.4f}", "", ""]
+    cells.append(f"{times.dwelling:.3g}" if times.dwelling else "")
+    _add(table, cells, None if without_jerk is None else without_jerk.moving)
+    return table
+
+
+def _add(table: Table, cells: list[str], without_jerk: float | None) -> None:
+    table.add_row(*(cells if without_jerk is None else [*cells[:4], f"{without_jerk:.4f}", *cells[4:]]))
