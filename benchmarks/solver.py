@@ -5,7 +5,8 @@
 Every bar is listed beside what was measured.  CPU seconds of this process; ratios are medians of the ratios of runs that
 follow one another, since the clock of a shared machine wanders.  A plan that fails its independent check scores no time.
 "Solve" is one jerk-limited solve, coarse and fine grid together, as the others solve once; "plan" is everything from the
-curve to the plan whose limits hold between the nodes, all rounds of refinement included.  COPP is measured where ``copp-py`` is installed (the extra ``feedplan[benchmarks]``).
+curve to the plan whose limits hold between the nodes, all rounds of refinement included.  COPP is measured where
+``copp-py`` is installed (the extra ``feedplan[benchmarks]``).
 """
 
 from __future__ import annotations
@@ -207,6 +208,49 @@ def in_a_process(kind: str, intervals: int) -> dict[str, Any]:
     return answer
 
 
+def bump(nanometres: float) -> NurbsCurve:
+    """Two straight runs of 20 mm with a bump of the given height and width between them."""
+    height = 1e-6 * nanometres
+    run = np.concatenate([[20.0, 10.0, 5.0], 2.5 * 0.3 ** np.arange(14)])
+    run = run[run > 3.0 * height]
+    x = np.concatenate([-run, height * np.arange(-2.0, 3.0), run[::-1]])
+    points = np.stack([x, np.where(np.abs(x) < 0.5 * height, height, 0.0)], axis=1)
+    s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+    knots = np.concatenate([[s[0]] * 4, np.convolve(s, np.ones(3) / 3.0, "valid")[1:-1], [s[-1]] * 4])
+    return NurbsCurve(points, knots, 3, name=f"bump of {nanometres:g} nm")
+
+
+def tiny_features() -> dict[str, Any]:
+    """Plan over a bump of 1 mm, 1 um and 1 nm; beside it toppra, without a jerk limit, on the nodes of the plan."""
+    import toppra
+    from toppra import algorithm, constraint
+
+    toppra.setup_logging("CRITICAL")
+    limits = Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2, chord_error=1e-3)
+    rows: dict[str, Any] = {}
+    for nanometres in (1e6, 1e3, 1.0):
+        curve = bump(nanometres)
+        profile = plan_feedrate(curve, limits)
+        u = np.unique(np.concatenate([np.linspace(*curve.domain, INTERVALS + 1), profile.u]))
+        grid = (u - u[0]) / (u[-1] - u[0])
+        bounds = [
+            constraint.JointVelocityConstraint(np.stack([-limits.velocity, limits.velocity], axis=1)),
+            constraint.JointAccelerationConstraint(np.stack([-limits.acceleration, limits.acceleration], axis=1)),
+        ]
+        bounds[1].set_discretization_type(constraint.DiscretizationType.Interpolation)
+        path = toppra.SplineInterpolator(grid, curve.derivatives(u, 0)[0])
+        problem = algorithm.TOPPRA(bounds, path, gridpoints=grid, solver_wrapper="seidel")
+        problem.compute_parameterization(0.0, 0.0)
+        rows[curve.name] = {
+            "duration_s": profile.duration,
+            "slowdown": profile.stats["slowdown"],
+            "exact_stops": profile.stats["sections"] - 1,
+            "check_ok": check(curve, limits, profile).ok,
+            "toppra": problem.problem_data.return_code.name,
+        }
+    return rows
+
+
 def random_curve(seed: int) -> NurbsCurve:
     """A seeded random cubic NURBS in 2, 3 or 5 axes: scattered points, or a random walk."""
     rng = np.random.default_rng(seed)
@@ -322,13 +366,23 @@ def main() -> None:
     wanted = [(kind, n) for n in _SIZES if n <= options.largest for kind in ("long", "short")]
     sizes = {f"{kind} {n}": in_a_process(kind, n) for kind, n in track(wanted, "large problems", console=progress)}
     out.print(show_sizes(sizes))
+    tiny = tiny_features()
+    out.print_json(data=tiny)
     some = random_plans(options.random)
     out.print_json(data=some)
     if options.output is not None:
         packages = {"feedplan": __version__} | {name: version(name) for name in ("numpy", "numba", "toppra", "casadi")}
         hardware = {"platform": platform.platform(), "machine": platform.machine(), "cores": os.cpu_count()}
         bars = {"size_solve_s": _SIZE_BARS, "size_total_s": _LARGEST_TOTAL, "size_memory_gb": _LARGEST_MEMORY}
-        data = {"hardware": hardware, "packages": packages, "bars": bars, "cases": rows, "sizes": sizes, "random": some}
+        data = {
+            "hardware": hardware,
+            "packages": packages,
+            "bars": bars,
+            "cases": rows,
+            "sizes": sizes,
+            "tiny_features": tiny,
+            "random": some,
+        }
         with whole_file(options.output) as file:
             file.write((json.dumps(data, indent=1) + "\n").encode())
 

@@ -57,6 +57,8 @@ class Constraints:
         Simpson weights: the time is sum(weight * x^(-1/2)).
     start, end : float
         Prescribed x at the first and last knot, nan where it is free.
+    start_slope : float
+        Prescribed a at the first knot, nan where it is free.
     guess : (n,) array
         A guess of x at the knots, positive.
     periodic : bool
@@ -72,6 +74,7 @@ class Constraints:
     weight: FloatArray
     start: float
     end: float
+    start_slope: float
     guess: FloatArray
     periodic: bool
     length_unit: float
@@ -161,6 +164,12 @@ def build(
         np.nan if feed is None or periodic else (feed / path.tip[1, at]) ** 2 / per_x
         for feed, at in ((section.start_feed, 0), (section.end_feed, -1))
     )
+    # s'' = s_sigma_sigma x + s_sigma a
+    slope = (
+        (section.start_acceleration - path.tip[2, 0] * start * per_x) / path.tip[1, 0]
+        if not np.isnan(start)
+        else np.nan
+    )
     # x = per_x x*, a = per_x / scale a*, c = per_x / scale^2 c*; the time derivative of order k scales by tau^-k
     units_a = np.array([per_x, per_x / scale])[None, :, None]
     units_j = np.array([per_x, per_x / scale, per_x / scale**2])[None, :, None] * (scale / tau)
@@ -172,6 +181,7 @@ def build(
         weight=weight / scale,
         start=start,
         end=end,
+        start_slope=slope / (per_x / scale),
         guess=x_guess / per_x,
         periodic=periodic,
         length_unit=scale,

@@ -7,6 +7,7 @@ limit everywhere, not only at the points at which a solver looked.
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -32,6 +33,7 @@ def plan_feedrate(
     method: Method = "optimal",
     start_feed: float = 0.0,
     end_feed: float = 0.0,
+    start_acceleration: float | None = None,
     periodic: bool = False,
     budget: float = np.inf,
     intervals: int | None = None,
@@ -51,6 +53,9 @@ def plan_feedrate(
         between the feed minima, what industry does today.
     start_feed, end_feed : float
         Tip feed at the ends, mm/s; 0 is rest.
+    start_acceleration : float, optional
+        Tangential acceleration of the tip at a start with a feed, mm/s^2, where a plan continues another one; free if left
+        out (methods ``optimal`` and ``nlp``).
     periodic : bool
         The closed curve is run continuously: same feed and acceleration at both ends, free value.
     budget : float
@@ -79,6 +84,9 @@ def plan_feedrate(
     began = time.perf_counter()
     _validate(curve, limits, method, start_feed, end_feed, periodic, budget, intervals)
     sections = cut(curve, limits, start_feed, end_feed, exact_stop=exact_stop, periodic=periodic)
+    if start_acceleration is not None:
+        _require_continued(start_feed, start_acceleration, method)
+        sections[0] = replace(sections[0], start_acceleration=start_acceleration)
     if periodic and len(sections) > 1:
         raise InputError(
             f"periodic = True cannot pass the exact stop of {curve.name} at u = {sections[1].u_start:.6g}: let the curve "
@@ -136,6 +144,15 @@ def _validate(
                 raise InfeasibleError(
                     f"{name} = {feed!r} mm/s is above the feed limit there, {allowed:.6g} mm/s (u = {u:.9g})"
                 )
+
+
+def _require_continued(start_feed: float, start_acceleration: float, method: str) -> None:
+    if not np.isfinite(start_acceleration):
+        raise InputError(f"start_acceleration = {start_acceleration!r} mm/s^2 must be finite")
+    if start_feed == 0.0:
+        raise InputError("start_acceleration needs a start_feed > 0; a path begins at rest without acceleration")
+    if method not in {"optimal", "nlp"}:
+        raise InputError(f"start_acceleration is kept by the methods optimal and nlp, not by {method!r}")
 
 
 def _require_closed(curve: Curve, start_feed: float, end_feed: float) -> None:

@@ -62,6 +62,8 @@ class Section:
         Weighted arc length where that is the coordinate y; None where y is the curve parameter.
     blend_start, blend_end : float
         Widths of the rest map in y; 0 at an end that has a feed.
+    start_acceleration : float
+        Tangential acceleration of the tip prescribed at a start with a feed, mm/s^2; nan where it is free.
     jumps : tuple of Break
         Curvature jumps inside, to be passed at a feed that keeps the samples' jerk within its limit.
     bend : float
@@ -76,6 +78,7 @@ class Section:
     arc: ArcLength | None
     blend_start: float = 0.0
     blend_end: float = 0.0
+    start_acceleration: float = np.nan
     jumps: tuple[Break, ...] = ()
     bend: float = 0.0
 

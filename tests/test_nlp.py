@@ -31,7 +31,7 @@ def both(problem):
     return ours, nlp.solve(problem)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(32))
 def test_both_solvers_find_the_same_optimum_on_random_paths(seed):
     rng = np.random.default_rng(seed)
     degree, dim = int(rng.integers(2, 6)), int(rng.integers(2, 5))

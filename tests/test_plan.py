@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -419,3 +421,57 @@ def test_a_path_of_rotary_axes_alone_is_planned_checked_and_drawn(tmp_path: Path
     save_plot(tmp_path / "table.png", plot_plan(curve, limits, profile))
     with pytest.raises(InputError, match="the tool tip rests"):
         plan_feedrate(curve, limits, method="scurve")
+
+
+@pytest.mark.parametrize("height", [1e-3, 1e-6])
+def test_features_of_micrometres_and_nanometres(height: float) -> None:
+    """A bump between two straight runs of 20 mm: two S-curves, and next to nothing on the bump itself."""
+    run = np.concatenate([[20.0, 10.0, 5.0], 2.5 * 0.3 ** np.arange(14)])
+    run = run[run > 3.0 * height]
+    x = np.concatenate([-run, height * np.arange(-2.0, 3.0), run[::-1]])
+    points = np.stack([x, np.where(np.abs(x) < 0.5 * height, height, 0.0)], axis=1)
+    s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+    knots = np.concatenate([[s[0]] * 4, np.convolve(s, np.ones(3) / 3.0, "valid")[1:-1], [s[-1]] * 4])
+    curve = NurbsCurve(points, knots, 3)
+    profile = plan_feedrate(curve, plane())
+    assert profile.stats["slowdown"] < 1.002
+    assert check(curve, plane(), profile).ok
+    assert profile.duration == pytest.approx(2.0 * s_curve_time(20.0, 100.0, 1000.0, 20000.0), rel=0.04)
+
+
+@pytest.mark.parametrize("method", ["optimal", "nlp"])
+def test_a_plan_may_continue_another_one(method: str) -> None:
+    """From 50 mm/s at 400 mm/s^2: up to 100 mm/s and down to rest, in closed form."""
+    curve = line(30.0)
+    profile = plan_feedrate(
+        curve,
+        plane(),
+        method=method,
+        start_feed=50.0,
+        start_acceleration=400.0,
+        intervals=400,  # type: ignore[arg-type]
+    )
+    assert profile.feed[0] == pytest.approx(50.0, rel=1e-9)
+    assert profile.acceleration[0] == pytest.approx(400.0, rel=1e-9)
+    assert check(curve, plane(), profile).ok
+    # rise: jerk 20000 from 400 to a, then back to 0; feed gained (a^2 - 400^2) / 2J + a^2 / 2J = 50
+    peak = np.sqrt(20000.0 * 50.0 + 0.5 * 400.0**2)
+    up, down = (peak - 400.0) / 20000.0, peak / 20000.0
+    gained = 50.0 * up + 200.0 * up**2 + 20000.0 * up**3 / 6.0
+    feed = 50.0 + 400.0 * up + 10000.0 * up**2
+    gained += feed * down + 0.5 * peak * down**2 - 20000.0 * down**3 / 6.0
+    exact = up + down + (30.0 - gained - 7.5) / 100.0 + 0.15
+    assert exact * (1.0 - 1e-6) <= profile.duration <= exact * 1.0005
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"start_feed": 10.0, "start_acceleration": np.inf}, "start_acceleration = inf mm/s^2 must be finite"),
+        ({"start_acceleration": 10.0}, "start_acceleration needs a start_feed > 0"),
+        ({"start_feed": 10.0, "start_acceleration": 1.0, "method": "scurve"}, "kept by the methods optimal and nlp"),
+    ],
+)
+def test_start_accelerations_that_are_not_allowed(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=re.escape(message)):
+        plan_feedrate(line(30.0), plane(), **options)

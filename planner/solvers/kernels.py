@@ -276,12 +276,12 @@ def factor(h, hessian, gains, root):
     return smallest
 
 
-@njit(NOTHING(READ1, READ2, READ1, READ2, READ1, READ1, FLAG, WRITE1, WRITE2), cache=True)
-def solve(h, gains, root, gradient, first, last, fixed_start, feed_forward, step):
+@njit(NOTHING(READ1, READ2, READ1, READ2, READ1, READ1, I64, WRITE1, WRITE2), cache=True)
+def solve(h, gains, root, gradient, first, last, fixed, feed_forward, step):
     """Newton step for one gradient, by the gains of :func:`factor`: a backward sweep, then a forward one.
 
-    ``first`` and ``last`` are extra gradients of the first and last state (for end conditions).  With ``fixed_start`` x
-    of the first knot does not move.
+    ``first`` and ``last`` are extra gradients of the first and last state (for end conditions).  At the first knot ``fixed``
+    of its states do not move: none, x, or x and a.
     """
     n = h.size
     end = 2 * n
@@ -303,7 +303,9 @@ def solve(h, gains, root, gradient, first, last, fixed_start, feed_forward, step
     px, pa, pc = px + first[0], pa + first[1], pc + first[2]
     x = 0.0
     a11, a12, a22 = root[3], root[4], root[5]
-    if fixed_start:
+    if fixed == 2:
+        a, c = 0.0, -pc / a22
+    elif fixed == 1:
         det = a11 * a22 - a12 * a12
         a = -(a22 * pa - a12 * pc) / det
         c = -(a11 * pc - a12 * pa) / det

@@ -168,11 +168,11 @@ class _Program:
         return z, float(found["f"]), int(report["iter_count"])
 
     def _ends(self, problem: Constraints, size: int) -> tuple[FloatArray, FloatArray]:
-        """Bounds on the variables: x > 0, and the prescribed feeds."""
+        """Bounds on the variables x, then a, then c: x > 0, and what is prescribed."""
         n = problem.h.size + 1
         lowest, highest = np.full(size, -np.inf), np.full(size, np.inf)
         lowest[:n] = _SMALLEST_X
-        for value, index in ((problem.start, 0), (problem.end, n - 1)):
+        for value, index in ((problem.start, 0), (problem.end, n - 1), (problem.start_slope, n)):
             if not np.isnan(value):
                 lowest[index] = highest[index] = value
         return lowest, highest
