@@ -47,6 +47,7 @@ _COPP_LENGTH, _COPP_TIME = 2.5, 0.05  # mm, s
 _COPP_TOLERANCE, _COPP_PASSES = 2e-5, 20
 _SIZES = (20_000, 100_000, 1_000_000)
 _SIZE_BARS = {20_000: 0.3, 100_000: 2.0, 1_000_000: 25.0}  # s of solving
+_WIDTH = 140  # columns, where there is no terminal
 _LARGEST_TOTAL, _LARGEST_MEMORY = 45.0, 2.5  # s, GB
 
 
@@ -357,7 +358,8 @@ def main() -> None:
     if options.one:
         print(json.dumps(one_size(options.one[0], int(options.one[1]))))
         return
-    progress, out = Console(stderr=True), Console()
+    progress = Console(stderr=True)
+    out = Console() if sys.stdout.isatty() else Console(width=_WIDTH)
     rows = {
         name: compare_case(curve, limits, optimum, options.repeats)
         for name, curve, limits, optimum in track(cases(), "against the others", console=progress)

@@ -32,6 +32,7 @@ from planner.sections import Section, axis_weights, evaluate
 JERK_BESIDE_STEP = 0.5
 _JERK_COLLOCATED = 0.49
 PERIODS_AROUND_STEP = 3.0
+_RAMP = 8.0  # periods
 # Phases, in periods, at which the steps of jumps close to one another are added up, and the search for the x they allow.
 _PHASES = np.linspace(-1.0, 1.0, 17)
 _LARGEST_SLOWING, _HALVINGS, _JUMPS_AT_ONCE = 14.0, 16, 10_000
@@ -151,6 +152,7 @@ def build(
     tau = duration / grid.intervals
     cap = speed_cap(limits, path)
     rows_a, rows_j = acceleration_rows(limits, path), jerk_rows(limits, path)
+    rows_j = np.concatenate([rows_j, _ramp_rows(section, limits, sigma, path)]) if len(rows_j) else rows_j
     if section.jumps:
         _soften_jumps(section, limits, grid, path, cap, rows_j)
     rows_a[:, :, empty] = 0.0
@@ -221,6 +223,25 @@ def jerk_rows(limits: Limits, path: Path) -> FloatArray:
     """Rows (l, 3, p) of the axes (and of the tip's arc length) that have a finite jerk limit, scaled to 1."""
     rows = [np.stack([q[3], 3.0 * q[2], q[1]]) / bound for q, _, bound in _motions(limits, path) if np.isfinite(bound)]
     return np.array(rows).reshape(len(rows), 3, path.curvature.size)
+
+
+def _ramp_rows(section: Section, limits: Limits, sigma: FloatArray, path: Path) -> FloatArray:
+    """Jerk rows (l, 3, p), in the rest blends only, of axes that have an acceleration limit but none of the jerk.
+
+    Such an axis may leave a stop at full acceleration, but the law of a plan begins with none: without a ramp its quintic
+    would overshoot, however short the interval.  The ramp takes _RAMP periods.
+    """
+    blends = (sigma < section.blend_start) | (section.span - sigma < section.blend_end)
+    rows = [
+        np.stack([path.axes[3, :, j], 3.0 * path.axes[2, :, j], path.axes[1, :, j]])
+        * blends
+        * _RAMP
+        * limits.period
+        / bound
+        for j, bound in enumerate(limits.acceleration)
+        if np.isfinite(bound) and not np.isfinite(limits.jerk[j])
+    ]
+    return np.array(rows).reshape(len(rows), 3, sigma.size)
 
 
 def _soften_jumps(

@@ -475,3 +475,12 @@ def test_a_plan_may_continue_another_one(method: str) -> None:
 def test_start_accelerations_that_are_not_allowed(options: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=re.escape(message)):
         plan_feedrate(line(30.0), plane(), **options)
+
+
+def test_an_axis_without_a_jerk_limit_may_begin_beside_one_that_has_it() -> None:
+    """Y moves first and has none: little is lost against the bound without any, and nothing is exceeded."""
+    ellipse = FormulaCurve({"X": "30*cos(u)", "Y": "10*sin(u)"}, (0.0, 2.0 * np.pi))
+    limits = plane(jerk=[20000.0, np.inf])
+    profile = plan_feedrate(ellipse, limits)
+    assert profile.duration < 1.015 * profile.lower_bound
+    assert check(ellipse, limits, profile).ok
