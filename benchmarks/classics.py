@@ -26,7 +26,7 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.interpolator import environment
-from interp import kernels
+from interp import classic_kernels as kernels
 from interp.feedshapes import (
     FILTERS,
     SHAPES,

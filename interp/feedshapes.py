@@ -95,12 +95,12 @@ class FeedShape:
 
     @property
     def array(self) -> FloatArray:
-        """The five numbers that ``interp.kernels`` reads."""
+        """The five numbers that ``interp.classic_kernels`` reads."""
         return np.array([float(SHAPES.index(self.kind)), self.feed, self.ramp, self.fall, self.duration])
 
     def at(self, t: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Feed (mm/s) and acceleration (mm/s^2) at times of any shape; 0 outside, the value after a jump at one."""
-        from interp.kernels import shape_feed
+        from interp.classic_kernels import shape_feed
 
         times = coordinates(t, "t")
         feed, acceleration = np.empty(times.size), np.empty(times.size)
@@ -274,7 +274,7 @@ def _count(duration: float, period: float) -> int:
 
 
 def _run(curve: Curve, shape: FloatArray, period: float, order: int, count: int) -> ShapedRun:
-    from interp.kernels import shaped_run
+    from interp.classic_kernels import shaped_run
     from interp.taylor import packed_curve
 
     u, feed, acceleration = (np.empty(count + 1) for _ in range(3))

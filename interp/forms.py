@@ -24,7 +24,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from interp import kernels
+from interp import classic_kernels, kernels
 from interp.replay import DEFAULT_PERIOD, MAX_SAMPLES, replay
 from interp.taylor import InterpolatorTable, TaylorTable, runner, start
 from planner.errors import InputError, StalledError
@@ -45,11 +45,11 @@ FormName = Literal[
 FORMS: tuple[FormName, ...] = get_args(FormName)
 # The compiled form and its order (of the chord: corrections); the others are orders of ``replay``.
 _COMPILED: dict[FormName, tuple[int, int]] = {
-    "RK2": (kernels.RUNGE_KUTTA, 2),
-    "chord": (kernels.CHORD, 2),
-    "Taylor 1 V(u)": (kernels.TAYLOR_BY_PARAMETER, 1),
-    "Taylor 2 V(u)": (kernels.TAYLOR_BY_PARAMETER, 2),
-    "Taylor 3 V(u)": (kernels.TAYLOR_BY_PARAMETER, 3),
+    "RK2": (classic_kernels.RUNGE_KUTTA, 2),
+    "chord": (classic_kernels.CHORD, 2),
+    "Taylor 1 V(u)": (classic_kernels.TAYLOR_BY_PARAMETER, 1),
+    "Taylor 2 V(u)": (classic_kernels.TAYLOR_BY_PARAMETER, 2),
+    "Taylor 3 V(u)": (classic_kernels.TAYLOR_BY_PARAMETER, 3),
 }
 _ORDERS: dict[FormName, int] = {"Taylor 1": 1, "Taylor 2": 2, "Taylor 3": 3, "quintic": 5}
 # A replay with V(u) may take this much longer than the plan, and as many periods.
@@ -160,14 +160,14 @@ def prepare(profile: FeedrateProfile, form: FormName, period: float) -> Replayer
     state = start(taylor, period)
     room = count = int(state[kernels.LAST])
     course = np.empty((0, 7))
-    if which == kernels.TAYLOR_BY_PARAMETER:
+    if which == classic_kernels.TAYLOR_BY_PARAMETER:
         course = _course(InterpolatorTable.from_profile(profile))
         room = ceil(_LATE_SHARE * count) + _LATE_PERIODS
         if profile.feed[0] <= 0.0:
             _take_first(profile, period, pieces, state)
 
     def run(state: FloatArray, u: FloatArray, positions: FloatArray) -> int:
-        return int(kernels.form_run(which, order, feed, course, pieces, profile.duration, state, u, positions))
+        return int(classic_kernels.form_run(which, order, feed, course, pieces, profile.duration, state, u, positions))
 
     return Replayer(state, count, room, run)
 

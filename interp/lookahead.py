@@ -202,7 +202,7 @@ def interpolate_adaptive(
         raise InputError(f"rule = {rule!r} must be one of {', '.join(RULES)}")
     if order not in (1, 2):
         raise InputError(f"order = {order!r} must be 1 or 2")
-    from interp import kernels
+    from interp import classic_kernels as kernels
 
     pieces = _rows(curve)
     u, feed, lengths = _points(curve, limits, pieces)
@@ -313,7 +313,7 @@ def _rows(curve: Curve) -> FloatArray:
 
 def _points(curve: Curve, limits: AdaptiveLimits, pieces: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Step 1: parameters, feeds and chords of the points, one a period."""
-    from interp.kernels import adaptive_points
+    from interp.classic_kernels import adaptive_points
 
     numbers = np.array([limits.feed, limits.normal_acceleration, limits.chord_error, limits.period])
     room = _room(curve.length / limits.feed / limits.period)
@@ -351,7 +351,7 @@ def _samples(
     order: int,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Step 3: parameters, feeds and positions of the samples."""
-    from interp.kernels import adaptive_run
+    from interp.classic_kernels import adaptive_run
 
     points, square, lengths = plan
     least = limits.start_feed if limits.start_feed > 0.0 else limits.acceleration * limits.period

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 from strategies import random_nurbs
 
-from interp import kernels
+from interp import classic_kernels as kernels
 from interp.lookahead import (
     PAPER_LIMITS,
     RULES,
