@@ -1,9 +1,9 @@
 """Bends so tight that a machine takes them as corners.
 
 A bend of radius R is passed at no more than min((A R)^(1/2), (J R^2)^(1/3)).  Below a radius of about 8e-4 A^3 / J^2, 2 um
-for 1000 mm/s^2 and 20000 mm/s^3, that is so slow against what the machine reaches within a few hundredths of a second
-that passing gains nothing over stopping, while the plan would need nodes at the scale of nanometres there.  Such a bend
-is an exact stop.
+for 1000 mm/s^2 and 20000 mm/s^3, that is nearly a stop: passing it saves a few hundredths of a second.  Where such a
+bend is hidden in a span a thousand times its size and more, a plan would need nodes at the scale of nanometres to pass it;
+there it is an exact stop.  A fillet that is a span of its own is resolved, and passed, however small it is.
 
 The curvature of a spline rises steeply where |C'| nearly vanishes, over a stretch that is short against a knot span.  So
 what is looked for is, on every piece, the highest of the curvatures sampled and the least |C'|; each is refined.
@@ -26,6 +26,7 @@ _WORTH_REFINING = 0.1  # of the curvature at which a bend is a corner
 _PASSES = 48  # of the golden section, 1e-10 of the interval
 _NEAR = 1e-3  # of the interval between samples
 _SLOW = 0.5  # |C'| against its values around
+_HIDDEN = 1e3  # length of its span over the radius of a bend
 _APART = 4.0  # times the smallest radius: bends closer than this along the path are one
 
 
@@ -97,6 +98,16 @@ def _candidates(d: FloatArray, radius: float) -> NDArray[np.intp]:
     return np.flatnonzero(peak | least)
 
 
+def _span_length(curve: Curve, weights: FloatArray, u: FloatArray) -> FloatArray:
+    """Length of the piece of the curve at each parameter."""
+    edges = curve.pieces.breaks
+    piece = np.clip(np.searchsorted(edges, u, side="right") - 1, 0, edges.size - 2)
+    width = edges[piece + 1] - edges[piece]
+    inside = edges[piece, None] + width[:, None] * (np.arange(_SAMPLES) + 0.5) / _SAMPLES
+    velocity = curve.pieces.evaluate(inside.reshape(-1), 1, False)[1] * weights
+    return np.asarray(np.sqrt(dot(velocity, velocity)).reshape(inside.shape).mean(axis=1) * width)
+
+
 def _separate(
     curve: Curve, weights: FloatArray, radius: float, found: list[tuple[FloatArray, FloatArray]]
 ) -> list[Bend]:
@@ -104,7 +115,7 @@ def _separate(
     if not found:
         return []
     u, bend = (np.concatenate(parts) for parts in zip(*found, strict=True))
-    sharp = np.flatnonzero(bend * radius > 1.0)
+    sharp = np.flatnonzero((bend * radius > 1.0) & (bend * _span_length(curve, weights, u) > _HIDDEN))
     sharp = sharp[np.argsort(-bend[sharp], kind="stable")]
     kept: list[int] = []
     points = curve.pieces.evaluate(u, 0, False)[0] * weights

@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from program_blocks import line, program
 
 from planner import Limits, check, load_curve, plan_feedrate
 from planner.bends import smallest_radius, tight_bends
 from planner.geometry.nurbs import NurbsCurve
+from planner.programs.path import program_path
 from planner.sections import axis_weights
 
 LIMITS = Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2)
@@ -54,6 +56,17 @@ def test_between_samples_too():
         sharpest = float(curve.curvature(u).max())
         found = tight_bends(curve, LIMITS, ONES)
         assert bool(found) == (1.0 / sharpest < smallest_radius(LIMITS, ONES))
+
+
+def test_a_fillet_that_is_a_span_of_its_own_is_passed():
+    """A right angle of 20 mm legs rounded within 1 um: the radius is 1.5 um, and stopping would cost 10 ms."""
+    machine = Limits(100.0, [250.0] * 3, [1000.0] * 3, [20000.0] * 3, axes=("X", "Y", "Z"))
+    curve = program_path(program(line(20, 0), line(20, 20)), 1e-3, machine).curve
+    limits = machine.for_curve(curve)
+    sharpest = float(curve.curvature(np.linspace(*curve.domain, 2_000_001)).max())
+    assert 1.0 / sharpest < smallest_radius(limits, ONES)
+    assert tight_bends(curve, limits, ONES) == []
+    assert plan_feedrate(curve, limits).duration == pytest.approx(0.6884, rel=5e-4)
 
 
 def test_two_peaks_of_one_bend_count_once():
