@@ -36,8 +36,12 @@ if TYPE_CHECKING:
     from planner.ngc import WrittenProgram, write_ngc
     from planner.plan import plan_feedrate
     from planner.profile import FeedrateProfile, ProfileStates, Samples
+    from planner.programs.path import ProgramPath, program_path
     from planner.programs.program import Program
     from planner.programs.reader import read_program
+    from planner.programs.times import LineTimes, line_times
+    from planner.programs.written import write_program
+    from planner.report import write_report
     from planner.tables import read_table, table_limits, write_table
 
 __all__ = [
@@ -52,8 +56,10 @@ __all__ = [
     "InfeasibleError",
     "InputError",
     "Limits",
+    "LineTimes",
     "ProfileStates",
     "Program",
+    "ProgramPath",
     "Report",
     "Row",
     "Samples",
@@ -63,15 +69,19 @@ __all__ = [
     "certify",
     "check",
     "feedrate_limits",
+    "line_times",
     "load_curve",
     "load_limits",
     "plan_feedrate",
+    "program_path",
     "read_dxf",
     "read_points",
     "read_program",
     "read_table",
     "table_limits",
     "write_ngc",
+    "write_program",
+    "write_report",
     "write_table",
 ]
 
@@ -88,8 +98,12 @@ _HOME = {
     "ngc": ("WrittenProgram", "write_ngc"),
     "plan": ("plan_feedrate",),
     "profile": ("FeedrateProfile", "ProfileStates", "Samples"),
+    "report": ("write_report",),
+    "programs.path": ("ProgramPath", "program_path"),
     "programs.program": ("Program",),
     "programs.reader": ("read_program",),
+    "programs.times": ("LineTimes", "line_times"),
+    "programs.written": ("write_program",),
     "tables": ("read_table", "table_limits", "write_table"),
 }
 _MODULE_OF = {name: f"{__name__}.{module}" for module, names in _HOME.items() for name in names}

@@ -46,8 +46,8 @@ def smallest_radius(limits: Limits, weights: FloatArray) -> float:
     return _SMALLEST_RADIUS * float(acceleration.min()) ** 3 / float(jerk.min()) ** 2
 
 
-def tight_bends(curve: Curve, limits: Limits, weights: FloatArray) -> list[Bend]:
-    """Find the bends of a curve that are corners to a machine, in order of u."""
+def tight_bends(curve: Curve, limits: Limits, weights: FloatArray, *, hidden: bool = True) -> list[Bend]:
+    """Find the bends of a curve that are corners to a machine, in order of u; all tight ones without ``hidden``."""
     radius = smallest_radius(limits, weights)
     if radius == 0.0:
         return []
@@ -77,7 +77,7 @@ def tight_bends(curve: Curve, limits: Limits, weights: FloatArray) -> list[Bend]
         )
         top, negative = golden_minimum(lambda x: -curvature(weighted(x)), a, b, _PASSES)
         found.append((top, -negative))
-    return _separate(curve, weights, radius, found)
+    return _separate(curve, weights, radius, _HIDDEN if hidden else 0.0, found)
 
 
 def _candidates(d: FloatArray, radius: float) -> NDArray[np.intp]:
@@ -109,13 +109,13 @@ def _span_length(curve: Curve, weights: FloatArray, u: FloatArray) -> FloatArray
 
 
 def _separate(
-    curve: Curve, weights: FloatArray, radius: float, found: list[tuple[FloatArray, FloatArray]]
+    curve: Curve, weights: FloatArray, radius: float, hidden: float, found: list[tuple[FloatArray, FloatArray]]
 ) -> list[Bend]:
     """Of the peaks above the limit, those that are not one bend with a sharper one; none at the ends of the curve."""
     if not found:
         return []
     u, bend = (np.concatenate(parts) for parts in zip(*found, strict=True))
-    sharp = np.flatnonzero((bend * radius > 1.0) & (bend * _span_length(curve, weights, u) > _HIDDEN))
+    sharp = np.flatnonzero((bend * radius > 1.0) & (bend * _span_length(curve, weights, u) > hidden))
     sharp = sharp[np.argsort(-bend[sharp], kind="stable")]
     kept: list[int] = []
     points = curve.pieces.evaluate(u, 0, False)[0] * weights

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -17,6 +18,7 @@ from planner.plots import _COLOURS, _FAINT, _INK, _envelope, _style
 
 _WIDTH, _ROW_HEIGHT = 7.1, 1.75  # inches
 _ROOM = 1.12
+_DECADE_ROOM = 1.4
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +43,10 @@ class Panel:
         Values of y at which a dashed line marks a limit.
     equal : bool
         Whether x and y have the same scale, as on a path.
+    log : bool
+        Whether y is drawn on a logarithmic scale; all its values are positive then.
+    legend : {"best", "above", "none"}
+        Where the labels of two or more lines stand: in the emptiest corner, or between title and axes.
     """
 
     title: str
@@ -49,6 +55,8 @@ class Panel:
     lines: Sequence[Line]
     bounds: Sequence[float] = field(default=())
     equal: bool = False
+    log: bool = False
+    legend: Literal["best", "above", "none"] = "best"
 
 
 def plot_panels(title: str, panels: Sequence[Panel], *, columns: int = 2) -> Figure:
@@ -87,12 +95,18 @@ def plot_panels(title: str, panels: Sequence[Panel], *, columns: int = 2) -> Fig
                 axes.axhline(bound, color=_INK, lw=0.6, ls=(0, (4, 2)))
             if panel.equal:
                 axes.set_aspect("equal", adjustable="datalim")
+            elif panel.log:
+                axes.set_yscale("log")
             elif _lowest(panel) < 0.0:
                 axes.axhline(0.0, color=_FAINT, lw=0.4)
-            axes.set_title(panel.title, loc="left")
             axes.set_xlabel(panel.x_label)
             axes.set_ylabel(panel.y_label)
-            if len(panel.lines) > 1:
+            if panel.legend == "above":
+                place: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.2}
+                axes.legend(title=panel.title, alignment="left", ncols=2, columnspacing=1.2, **place)
+                continue
+            axes.set_title(panel.title, loc="left")
+            if len(panel.lines) > 1 and panel.legend == "best":
                 axes.legend(loc="best")
         for axes in list(grid.flat)[len(panels) :]:
             axes.set_axis_off()
@@ -117,4 +131,7 @@ def _share_heights(row: Sequence[object], panels: Sequence[Panel]) -> None:
             low, high = min([low, *values, *panels[i].bounds]), max([high, *values, *panels[i].bounds])
         if low < high:
             for i in alike:
+                if panels[i].log:
+                    row[i].set_ylim(low / _DECADE_ROOM, high * _DECADE_ROOM)  # type: ignore[attr-defined]
+                    continue
                 row[i].set_ylim(_ROOM * low if low < 0.0 else 0.0, _ROOM * high)  # type: ignore[attr-defined]

@@ -11,7 +11,7 @@ ends under ``G61``, since a blend would cut the corner the plan does not.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -48,10 +48,11 @@ class WrittenProgram:
 
 @dataclass(frozen=True, eq=False)
 class _Blocks:
-    """Points (n, dim) in mm and degrees as written, times (n,) and, at each, whether the block before it stops."""
+    """Points (n, dim) in mm and degrees as written, times and parameters (n,) and whether the block before each stops."""
 
     points: FloatArray
     t: FloatArray
+    u: FloatArray
     stops: NDArray[np.bool_]
     deviation: float
 
@@ -64,6 +65,7 @@ def write_ngc(
     tolerance: float,
     mode: Mode = "feed",
     block_time: float = 0.01,
+    inserted: Sequence[tuple[float, str]] = (),
 ) -> WrittenProgram:
     """Write a LinuxCNC program of a planned curve.
 
@@ -84,6 +86,9 @@ def write_ngc(
         of the rotary ones where no linear axis moves.
     block_time : float
         Longest time of a block, s: the steps in which the feed is given.
+    inserted : sequence of (float, str)
+        Lines to put in where the path passes a curve parameter, in their order, such as the spindle's words; those at
+        the start of the curve come before the rapid to it.
 
     Returns
     -------
@@ -104,7 +109,8 @@ def write_ngc(
         blocks = _blocks_of_samples(curve, plan, decimals)
     else:
         block_time = positive_number(block_time, "block_time")
-        blocks = _blocks_of_profile(curve, plan, tolerance, min(block_time, plan.duration), decimals)
+        places = np.array([u for u, _ in inserted if curve.domain[0] < u < curve.domain[1]])
+        blocks = _blocks_of_profile(curve, plan, tolerance, min(block_time, plan.duration), decimals, places)
     lengths = _lengths(curve, blocks.points)
     times = np.diff(blocks.t)
     rate = 60.0 / times if mode == "inverse_time" else 60.0 * lengths / times
@@ -112,17 +118,17 @@ def write_ngc(
     taken = np.array([float(word) for word in words])
     taken = 60.0 / taken if mode == "inverse_time" else 60.0 * lengths / taken
     with whole_file(path) as file:
-        for line in _lines(curve, blocks, words, mode, 0.5 * tolerance, decimals):
+        for line in _lines(curve, blocks, words, mode, 0.5 * tolerance, decimals, inserted):
             file.write(f"{line}\n".encode("ascii"))
     return WrittenProgram(len(words), float(taken.sum()), blocks.deviation)
 
 
 def _blocks_of_profile(
-    curve: Curve, profile: FeedrateProfile, tolerance: float, block_time: float, decimals: int
+    curve: Curve, profile: FeedrateProfile, tolerance: float, block_time: float, decimals: int, places: FloatArray
 ) -> _Blocks:
-    """Cut a profile at equal times, at corners and stops, and in halves until every line is within the tolerance."""
+    """Cut a profile at equal times, at corners, stops and places, and in halves until every line is within tolerance."""
     law = (profile.t, profile.u, profile.u_rate, profile.u_acceleration)
-    corners = np.array([b.u for b in curve.breaks if b.geometric == 0])
+    corners = np.union1d([b.u for b in curve.breaks if b.geometric == 0], places)
     count = int(np.ceil(profile.duration / block_time))
     if count > _MAX_BLOCKS:
         raise InputError(f"block_time = {block_time!r} s makes {count} blocks; at most {_MAX_BLOCKS} are written")
@@ -172,7 +178,7 @@ def _rounded(
     # Which points are dropped before a kept one does not matter: they are that one, or the one before it.
     deviation = float(_deviations(curve, u[keep], points[keep] / scale).max())
     stopped = np.maximum.reduceat(stops, np.flatnonzero(keep))
-    return _Blocks(points[keep], t[keep], stopped, deviation)
+    return _Blocks(points[keep], t[keep], u[keep], stopped, deviation)
 
 
 def _positions(curve: Curve, u: FloatArray) -> FloatArray:
@@ -231,13 +237,27 @@ def _lengths(curve: Curve, points: FloatArray) -> FloatArray:
     return np.where(way > 0.0, way, turn)
 
 
-def _lines(curve: Curve, blocks: _Blocks, feeds: list[str], mode: Mode, blend: float, decimals: int) -> Iterator[str]:
+def _lines(
+    curve: Curve,
+    blocks: _Blocks,
+    feeds: list[str],
+    mode: Mode,
+    blend: float,
+    decimals: int,
+    inserted: Sequence[tuple[float, str]],
+) -> Iterator[str]:
     axes = curve.axes
+    # after the first point that is not before the place; a place itself is a point, but for rounding
+    slack = 1e-9 * np.ptp(curve.domain)
+    after: dict[int, list[str]] = {}
+    for place, line in inserted:
+        after.setdefault(min(int(np.searchsorted(blocks.u, place - slack)), blocks.u.size - 1), []).append(line)
     text = [[_plain(value, decimals) for value in row] for row in blocks.points.tolist()]
     name = "".join(c if c.isascii() and c.isprintable() and c not in "();" else "_" for c in curve.name)[:80]
     yield f"({name}: {len(feeds)} blocks)"
     yield "G21 G17 G90 G94"
     yield "G61"
+    yield from after.get(0, ())
     yield "G0 " + " ".join(axis + word for axis, word in zip(axes, text[0], strict=True))
     if mode == "inverse_time":
         yield "G93"
@@ -254,6 +274,7 @@ def _lines(curve: Curve, blocks: _Blocks, feeds: list[str], mode: Mode, blend: f
             feed = feeds[k - 1]
             words.append("F" + feed)
         yield "G1 " + " ".join(words)
+        yield from after.get(k, ())
     yield "M2"
 
 

@@ -7,6 +7,7 @@ limit everywhere, not only at the points at which a solver looked.
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Literal, get_args
 
@@ -38,6 +39,7 @@ def plan_feedrate(
     budget: float = np.inf,
     intervals: int | None = None,
     exact_stop: bool = False,
+    reserve: Sequence[tuple[float, float]] = (),
     progress: Progress | None = None,
 ) -> FeedrateProfile:
     """Find the feedrate profile that finishes the curve soonest within the limits.
@@ -65,6 +67,9 @@ def plan_feedrate(
         out.
     exact_stop : bool
         Stop at curvature discontinuities instead of passing them slowly.
+    reserve : sequence of (u, share)
+        Leave a share of the limits unused from each parameter on, in increasing order, so that another plan may go on from
+        there: its solver needs room around the state it begins with (methods ``optimal`` and ``nlp``).
     progress : callable, optional
         Called with a message and the share done (or None).
 
@@ -87,6 +92,11 @@ def plan_feedrate(
     if start_acceleration is not None:
         _require_continued(start_feed, start_acceleration, method)
         sections[0] = replace(sections[0], start_acceleration=start_acceleration)
+    if reserve:
+        begins = [u for u, _ in reserve]
+        if begins != sorted(begins) or not all(0.0 <= share < 1.0 for _, share in reserve):
+            raise InputError(f"reserve = {reserve!r} must be increasing parameters, each with a share in [0, 1)")
+        sections = [replace(section, reserve=tuple(reserve)) for section in sections]
     if periodic and len(sections) > 1:
         raise InputError(
             f"periodic = True cannot pass the exact stop of {curve.name} at u = {sections[1].u_start:.6g}: let the curve "

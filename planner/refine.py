@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -54,6 +55,7 @@ PEAK_MARGIN = 2e-6
 _MET = 1.0 + 2e-8
 _ALMOST_MET = 1.0 + 1e-6
 _PRESCRIBED_MARGIN = 2e-6
+_CONTINUED_GAIN = 2.0
 # An interior point needs room above a feed that is prescribed at its limit.
 _PRESCRIBED_ROOM = 1e-9
 
@@ -101,12 +103,15 @@ class Task:
         return self.section.has_prescribed_feed
 
 
-def _margins(used: Utilisation, grid: Grid) -> tuple[FloatArray, ...]:
-    """By how much to tighten speed, acceleration and jerk limits at each point where a plan used too much of them."""
+def _margins(used: Utilisation, grid: Grid, gain: float) -> tuple[FloatArray, ...]:
+    """By how much to tighten speed, acceleration and jerk limits at each point where a plan used too much of them.
+
+    ``gain``: times the excess.
+    """
     margins = []
     for share in (used.speed, used.acceleration, used.jerk):
         excess = _by_interval(share, grid)
-        excess = np.where(excess > 1.0, excess * (1.0 + _MARGIN_STEP), 1.0)
+        excess = np.where(excess > 1.0, (1.0 + gain * (excess - 1.0)) * (1.0 + _MARGIN_STEP), 1.0)
         # What a plan gives up in one interval it would seek in the next ones, so these are tightened with it.
         for _ in range(_MARGIN_REACH):
             excess[1:] = np.maximum(excess[1:], excess[:-1])
@@ -161,6 +166,10 @@ class Stage:
         parameter = Parameter(path.u, path.rounding)
         if task.prescribed:
             problem = _tightened(problem, *[1.0 + _PRESCRIBED_MARGIN] * 3)
+        if task.section.reserve:
+            begins, unused = (np.array(column) for column in zip(*task.section.reserve, strict=True))
+            left = np.append(1.0, 1.0 - unused)[np.searchsorted(begins, path.u[0], side="right")]
+            problem = _tightened(problem, *[1.0 / left] * 3)
         return cls(grid, problem, parameter, slowest(task.limits, path))
 
     def solve(self, task: Task, before: Attempt | None, tolerance: float | None = None) -> Attempt:
@@ -199,7 +208,10 @@ class Stage:
         if may_split:
             finer = split(task.section, self.grid, _by_interval(used.slowdown, self.grid) > _ACCEPTED_SLOWDOWN)
             return Stage.on(task, finer), replace(attempt, waypoint=None)
-        tighter = replace(self, problem=_tightened(self.problem, *_margins(used, self.grid)))
+        # Tightening by the excess leaves up to half of it.  A plan that continues another one, and cannot be slowed down as
+        # a whole, is tightened by more: what that costs is little against its reserve.
+        gain = _CONTINUED_GAIN if task.prescribed and task.section.reserve else 1.0
+        tighter = replace(self, problem=_tightened(self.problem, *_margins(used, self.grid, gain)))
         return tighter, replace(attempt, waypoint=None) if task.prescribed else attempt
 
 
@@ -237,7 +249,9 @@ def plan_section(
     attempt: Attempt | None = None
     if method == "optimal":
         coarse = Stage.on(task, place_knots(section, guess, max(MIN_INTERVALS, wanted // _COARSER)))
-        attempt = replace(coarse.solve(task, None, _COARSE_GAP), waypoint=None)
+        # What is attainable may be out of reach of the coarse grid; the fine one then begins without it.
+        with suppress(InfeasibleError):
+            attempt = replace(coarse.solve(task, None, _COARSE_GAP), waypoint=None)
         del coarse  # a long path needs the memory
     stage = Stage.on(task, place_knots(section, guess, wanted))
     spent = attempt.stats["solve_cpu_s"] if attempt else 0.0

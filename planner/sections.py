@@ -68,6 +68,8 @@ class Section:
         Curvature jumps inside, to be passed at a feed that keeps the samples' jerk within its limit.
     bend : float
         Radius, mm, of the bend at whose tip it begins (weighted as the arc length is); 0 if it begins elsewhere.
+    reserve : tuple of (float, float)
+        Parameters, increasing, and the share of the limits that is left unused from each on; none before the first.
     """
 
     curve: Curve
@@ -81,6 +83,7 @@ class Section:
     start_acceleration: float = np.nan
     jumps: tuple[Break, ...] = ()
     bend: float = 0.0
+    reserve: tuple[tuple[float, float], ...] = ()
 
     @property
     def has_prescribed_feed(self) -> bool:
@@ -222,9 +225,18 @@ def axis_weights(limits: Limits) -> FloatArray:
 
 
 def cut(
-    curve: Curve, limits: Limits, start_feed: float, end_feed: float, *, exact_stop: bool, periodic: bool = False
+    curve: Curve,
+    limits: Limits,
+    start_feed: float,
+    end_feed: float,
+    *,
+    exact_stop: bool,
+    periodic: bool = False,
+    fillets: bool = True,
 ) -> list[Section]:
     """Cut a path at its corners and at bends as tight as corners to this machine (``exact_stop``: at curvature jumps too).
+
+    Without ``fillets`` a tight bend that is a span of its own is a corner as well: for grids that do not resolve it.
 
     Returns
     -------
@@ -234,7 +246,7 @@ def cut(
     weights = axis_weights(limits)
     stops = {b.u: 0.0 for b in curve.breaks if b.geometric == 0 or (exact_stop and b.geometric == 1)}
     if not periodic:
-        stops |= {bend.u: bend.radius for bend in tight_bends(curve, limits, weights)}
+        stops |= {bend.u: bend.radius for bend in tight_bends(curve, limits, weights, hidden=fillets)}
     breaks = np.array([b.u for b in curve.breaks])
     arc: ArcLength | None = None
     sections = []

@@ -38,6 +38,8 @@ _AXIS_LIMITS = {"velocity": "s", "acceleration": "s2", "jerk": "s3"}
 _KEYS = ("curve", "curve_hash", "axes", "method", "duration_s", "lower_bound_s", "limit_names", "notes", "rows")
 # Columns that follow from the others may differ by what another machine's rounding does, against their largest value.
 _AGREEMENT = 1e-6
+# What else a table may say of its curve: how the path was made from a part program or from points.
+_ORIGIN = ("path_tolerance_mm", "path_share")
 _SAME_PLACE = 1e-9  # of the domain: what rounding may leave between two rows of one place
 
 
@@ -74,6 +76,7 @@ def write_table(path: str | Path, profile: FeedrateProfile, limits: Limits) -> N
         "duration_s": repr(profile.duration),
         "lower_bound_s": repr(float(profile.lower_bound)),
         **_limit_lines(curve.axes, limits),
+        **{key: str(value) for key, value in profile.stats.get("origin", {}).items() if key in _ORIGIN},
         "limit_names": ", ".join(profile.limit_names),
         "notes": json.dumps([str(note) for note in profile.stats.get("notes", ())]),
         "rows": str(profile.t.size),
@@ -127,7 +130,8 @@ def read_table(path: str | Path, curve: Curve) -> FeedrateProfile:
             limit_names=names,
             lower_bound=_number(file, "lower_bound_s"),
             method=header["method"],
-            stats={"notes": _notes(file), "period": _number(file, "limit_period_s")},
+            stats={"notes": _notes(file), "period": _number(file, "limit_period_s")}
+            | ({"origin": _origin(file)} if _origin(file) else {}),
         )
 
 
@@ -138,6 +142,15 @@ def table_limits(path: str | Path) -> Limits:
     """
     with reading(path, _PLAN_FORMAT, _KEYS) as file:
         return _limits_of(file)
+
+
+def table_origin(path: str | Path) -> dict[str, str]:
+    """Read how the path of a table was made from a part program or points; empty for other curves.
+
+    Raises InputError if the file cannot be read or is no feedrate table.
+    """
+    with reading(path, _PLAN_FORMAT, _KEYS) as file:
+        return _origin(file)
 
 
 def write_samples(path: str | Path, curve: Curve, samples: Samples) -> None:
@@ -194,6 +207,10 @@ def _limits_of(file: ColumnFile) -> Limits:
         raise InputError(f"{file.path}: {error}") from None
 
 
+def _origin(file: ColumnFile) -> dict[str, str]:
+    return {key: file.header[key] for key in _ORIGIN if key in file.header}
+
+
 def _number(file: ColumnFile, key: str) -> float:
     text = file.header.get(key, "")
     try:
@@ -219,7 +236,7 @@ def _require_curve(file: ColumnFile, curve: Curve) -> None:
     if found != curve.fingerprint:
         raise InputError(
             f"{file.path}: the table is for the curve {file.header['curve']} (hash {found[:12]}), not for {curve.name} "
-            f"(hash {curve.fingerprint[:12]}); give the curve, and the scale, it was planned with"
+            f"(hash {curve.fingerprint[:12]}); give the curve, and the scale and tolerance, it was planned with"
         )
 
 

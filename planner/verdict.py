@@ -17,9 +17,12 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
     from rich.table import Table
 
+    from planner.programs.path import ProgramPath
+
 # Rows of a report that are limits of the machine; the others say that a plan is a plan at all, and are counted.
 _LIMITS = (
     "feed",
+    "programmed feed",
     "chord error",
     "velocity",
     "acceleration",
@@ -31,6 +34,7 @@ _LIMITS = (
 _SHARE_SHOWN = 0.005  # limits that hold the path back for less of the time are summed up
 _WORTH_SHOWN = 1e-4  # of the duration
 _NOTES_SHOWN = 8
+_LINES_SHOWN = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +54,10 @@ class Verdict:
         s; nan where the plan was read from a table.
     files : tuple of str
         What was written.
+    program : ProgramPath, optional
+        The path, where it comes from a part program.
+    facts : tuple of (str, str)
+        Further lines on where the path comes from, each with its name.
     """
 
     profile: FeedrateProfile
@@ -60,6 +68,8 @@ class Verdict:
     samples_report: Report
     planning_time: float = math.nan
     files: tuple[str, ...] = ()
+    program: ProgramPath | None = None
+    facts: tuple[tuple[str, str], ...] = ()
 
     @property
     def ok(self) -> bool:
@@ -76,6 +86,9 @@ class Verdict:
     def notes(self) -> list[str]:
         """What the planner says of its plan, and why a plan without a jerk limit breaks one."""
         notes = [str(note) for note in self.profile.stats.get("notes", ())]
+        if self.program is not None:  # its stops are told by line, not by the parameter of the path
+            told = {f"exact stop at u = {stop.u:.6g}" for stop in self.program.stops}
+            notes = [*self.program.notes, *(note for note in notes if note not in told)]
         if (status := self.profile.stats.get("status", "optimal")) not in {"optimal", "feasible"}:
             notes.append(f"the solver ended early ({status}): the gap says how much time may be left in the plan")
         if self.profile.method == "toppra" and not self.ok:
@@ -108,6 +121,10 @@ def to_json(verdict: Verdict) -> str:
         "notes": verdict.notes,
         "files": list(verdict.files),
     }
+    if verdict.facts:
+        facts["source"] = dict(verdict.facts)
+    if verdict.program is not None:
+        facts["program"] = program_facts(verdict.program)
     return json.dumps(_finite(facts), indent=2, allow_nan=False)
 
 
@@ -119,6 +136,18 @@ def _curve_facts(curve: Curve) -> dict[str, Any]:
         "axes": list(curve.axes),
         "domain": list(curve.domain),
         "length_mm": curve.length,
+    }
+
+
+def program_facts(path: ProgramPath) -> dict[str, Any]:
+    """Tolerance and deviation of the path of a part program, and where it stops."""
+    return {
+        "tolerance_mm": path.tolerance,
+        "deviation_mm": path.deviation.largest,
+        "deviation_line": path.deviation_line,
+        "deviation_share": path.deviation_share,
+        "exact_stops": [{"line": stop.line, "u": stop.u, "reason": stop.reason} for stop in path.stops],
+        **path.counts,
     }
 
 
@@ -156,10 +185,10 @@ def to_text(verdict: Verdict) -> RenderableType:
         "",
         _limit_table(_reports(verdict)),
         "",
-        _named("held back by", shares),
+        named("held back by", shares),
         *_worth(verdict.profile),
-        *(_named("note", note) for note in _shortened(verdict.notes)),
-        *(_named("written", name) for name in verdict.files),
+        *(named("note", note) for note in _shortened(verdict.notes)),
+        *(named("written", name) for name in verdict.files),
         "",
     ]
     if verdict.ok:
@@ -174,12 +203,12 @@ def samples_text(profile: FeedrateProfile, samples: Samples, report: Report, apa
 
     curve = profile.curve
     lines = [
-        _named("curve", f"{curve.name}, {curve.length:.6g} mm, axes {' '.join(curve.axes)}"),
-        _named("plan", f"{profile.method}, {profile.duration:.6g} s"),
-        _named("samples", f"{samples.t.size}, one every {quantity(samples.period, 's')}"),
-        _named("off the plan", f"{apart:.3g} at most, mm or rad on any axis"),
+        named("curve", f"{curve.name}, {curve.length:.6g} mm, axes {' '.join(curve.axes)}"),
+        named("plan", f"{profile.method}, {profile.duration:.6g} s"),
+        named("samples", f"{samples.t.size}, one every {quantity(samples.period, 's')}"),
+        named("off the plan", f"{apart:.3g} at most, mm or rad on any axis"),
     ]
-    written = [_named("written", file)] if file else []
+    written = [named("written", file)] if file else []
     return Group(*lines, "", _limit_table([("samples", report)]), "", *written)
 
 
@@ -196,15 +225,39 @@ def _facts(verdict: Verdict) -> RenderableType:
     feed = f"feed {quantity(limits.feed, 'mm/s')}" if math.isfinite(limits.feed) else "no feed limit"
     time = f"{profile.duration:.6g} s"
     lines = [
-        _named("curve", f"{curve.name}, {curve.length:.6g} mm, axes {' '.join(curve.axes)}"),
-        _named("machine", f"{verdict.machine}; {feed}, period {quantity(limits.period, 's')}"),
-        _named("plan", f"{profile.method}, {profile.t.size} nodes" + _planned_in(verdict.planning_time)),
+        named("curve", f"{curve.name}, {curve.length:.6g} mm, axes {' '.join(curve.axes)}"),
+        *(named(name, text) for name, text in verdict.facts),
+        *([] if verdict.program is None else program_lines(verdict.program)),
+        named("machine", f"{verdict.machine}; {feed}, period {quantity(limits.period, 's')}"),
+        named("plan", f"{profile.method}, {profile.t.size} nodes" + _planned_in(verdict.planning_time)),
     ]
     if math.isfinite(verdict.gap):
         bound = f"{profile.lower_bound:.6g} s; the gap is at most {_percent(verdict.gap, 2)}"
     else:
         bound = "none from this method"
-    return Group(*lines, _named("duration", time, "bold"), _named("lower bound", bound))
+    return Group(*lines, named("duration", time, "bold"), named("lower bound", bound))
+
+
+def program_lines(path: ProgramPath) -> Iterator[Table]:
+    """Lay out how the path of a part program keeps to it."""
+    if path.deviation.largest > 0.0:
+        far = (
+            f"{_micro(path.deviation.largest)} at most, at line {path.deviation_line}; {_micro(path.tolerance)} allowed"
+        )
+    else:
+        far = f"none; {_micro(path.tolerance)} allowed" if path.tolerance > 0.0 else "none"
+    yield named("deviation", far)
+    reasons: dict[str, list[int]] = {}
+    for stop in path.stops:
+        reasons.setdefault(stop.reason, []).append(stop.line)
+    for reason, lines in reasons.items():
+        shown = ", ".join(map(str, lines[:_LINES_SHOWN])) + (", ..." if len(lines) > _LINES_SHOWN else "")
+        yield named("exact stops", f"{len(lines)}, {reason}: after line {shown}")
+
+
+def _micro(length: float) -> str:
+    """A length in mm as text in um."""
+    return f"{1e3 * length:.4g} um"
 
 
 def _worth(profile: FeedrateProfile) -> list[Table]:
@@ -213,14 +266,14 @@ def _worth(profile: FeedrateProfile) -> list[Table]:
     shown = [(name, value) for name, value in saved.items() if value > _WORTH_SHOWN * profile.duration][:4]
     if not shown:
         return []
-    return [_named("10% more of", ", ".join(f"{name} saves {value:.3g} s" for name, value in shown))]
+    return [named("10% more of", ", ".join(f"{name} saves {value:.3g} s" for name, value in shown))]
 
 
 def _planned_in(seconds: float) -> str:
     return f", planned in {seconds:.3g} s" if math.isfinite(seconds) else ""
 
 
-def _named(name: str, text: str, style: str = "") -> Table:
+def named(name: str, text: str, style: str = "") -> Table:
     """Lay out one line of the verdict; a long text wraps under itself."""
     from rich.table import Table
     from rich.text import Text

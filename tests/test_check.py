@@ -20,9 +20,10 @@ from planner.geometry.nurbs import NurbsCurve
 from planner.limits import Limits
 from planner.profile import Samples, make_profile
 
-# The package may export the function under the name of its module, so the module is asked for by name.
-module = importlib.import_module("planner.check")
-check = module.check
+# planner.check is the function, not the package of the same name, so modules are asked for by name.
+package = importlib.import_module("planner.check")
+searching = importlib.import_module("planner.check.peaks")
+check = package.check
 
 AXIS_LIMITS = ("velocity", "acceleration", "jerk")
 SINGLE_LIMITS = ("feed", "chord error", "tangential acceleration", "tangential jerk")
@@ -348,7 +349,7 @@ def test_chunks_change_nothing(monkeypatch, ellipse, ellipse_plan, circle):
     cases = [(ellipse, ellipse_plan), (ellipse, sampled(ellipse, ellipse_plan, 1e-3)), (circle, on_circle)]
     whole = [check(curve, limits, plan) for curve, plan in cases]
     for points in (300, 777, 20_000):
-        monkeypatch.setattr(module, "_CHUNK_POINTS", points)
+        monkeypatch.setattr(searching, "_CHUNK_POINTS", points)
         assert [check(curve, limits, plan) for curve, plan in cases] == whole
 
 
@@ -500,7 +501,41 @@ def test_scaling_time_scales_the_ratios(k):
         assert after.row("tangential jerk").ratio == pytest.approx(before.row("tangential jerk").ratio / k**3, rel=1e-5)
 
 
+def test_a_peak_between_the_points_of_a_coarse_look_is_found():
+    """A narrow bump crossed at a constant rate: y = h exp(-z^2), z = (u - c)/w, |y'''| = h/w^3 |H_3(z)| exp(-z^2).
+
+    It is largest where the Hermite polynomial H_4 = 16 z^4 - 48 z^2 + 12 has its smallest root; six points an interval
+    see less than a tenth of it.
+    """
+    height, width, centre = 1e-3, 0.02, 0.25
+    curve = FormulaCurve({"X": "100*u", "Y": f"{height}*exp(-((u-{centre})/{width})**2)"}, (0.0, 1.0), name="bump")
+    t = np.array([0.0, 0.5, 1.0])
+    z = np.sqrt((48.0 - np.sqrt(48.0**2 - 4.0 * 16.0 * 12.0)) / 32.0)
+    highest = height / width**3 * abs(8.0 * z**3 - 12.0 * z) * np.exp(-(z**2))
+    seen = np.abs(curve.derivatives(np.linspace(0.0, 1.0, 11), 3)[3, :, 1]).max()
+    assert seen < 0.1 * highest
+    for factor, found in ((1.0 - 1e-4, {("jerk", "Y")}), (1.0 + 1e-4, set())):
+        limits = unlimited(jerk=[np.inf, factor * highest])
+        report = check(curve, limits, profile_on(curve, limits, (t, t, np.ones(3), np.zeros(3))))
+        assert failing(report) == found
+        row = report.row("jerk", "Y")
+        assert row.worst == pytest.approx(highest, rel=1e-9)
+        assert abs(row.u - centre) == pytest.approx(width * z, rel=1e-3)
+
+
 # ---- planted defects of the table ----------------------------------------------------------------------------------
+
+
+def test_a_rate_beyond_double_precision_fails(ellipse, ellipse_plan, used_up):
+    """The cube of u' overflows: the jerk there is no number, its rounding neither, and it is beyond every limit."""
+    rate = ellipse_plan.u_rate.copy()
+    rate[200] = 1e120
+    report = check(ellipse, used_up["profile"], dataclasses.replace(ellipse_plan, u_rate=rate))
+    for axis in "XY":
+        row = report.row("jerk", axis)
+        assert not row.ok
+        assert ellipse_plan.t[199] <= row.t <= ellipse_plan.t[201]
+    assert not report.row("tangential jerk").ok
 
 
 @pytest.mark.parametrize(("column", "size"), [(1, 1e-7), (2, 1e-4), (3, 5e-2)])
@@ -1003,23 +1038,27 @@ def test_report_and_rows_are_frozen(line, line_limits, line_plan):
 
 
 def test_the_check_knows_nothing_of_the_planner():
-    tree = ast.parse(Path(inspect.getfile(module)).read_text(encoding="utf-8"))
+    files = sorted(Path(inspect.getfile(package)).parent.rglob("*.py"))
+    assert {"__init__", "chords", "motion", "profile", "report", "samples"} <= {file.stem for file in files}
+    nodes = [node for file in files for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))]
     imported = {
         f"{node.module}.{name.name}"
-        for node in ast.walk(tree)
+        for node in nodes
         if isinstance(node, ast.ImportFrom)
         for name in node.names
-        if (node.module or "").startswith("planner")
+        if node.level > 0 or (node.module or "").startswith("planner")
     }
-    assert imported == {
+    assert {name for name in imported if not name.startswith("planner.check.")} == {
         "planner.errors.InputError",
         "planner.geometry.curve.Curve",
         "planner.geometry.curve.FloatArray",
+        *(f"planner.geometry.kernels.{name}" for name in ("FLAG", "I64", "NOTHING", "find_piece")),
+        *(f"planner.geometry.kernels.{access}{n}" for access in ("READ", "WRITE") for n in (1, 2, 3)),
         "planner.limits.Limits",
         "planner.profile.FeedrateProfile",
         "planner.profile.Samples",
     }
-    assert not [node for node in ast.walk(tree) if isinstance(node, ast.Import) and "planner" in ast.dump(node)]
+    assert not [node for node in nodes if isinstance(node, ast.Import) and "planner" in ast.dump(node)]
 
 
 def test_types_are_what_they_say(line, line_limits, line_plan):

@@ -15,10 +15,17 @@ PACKAGES = ("planner", "interp")
 # A room may import the rooms before it in this list, and itself.
 ORDER = ["planner.errors", "planner.geometry", "planner.machine_ini", "planner.limits"]
 # Rooms on limits, which solvers read; then what stands on the solvers or beside them.
-ABOVE_LIMITS = ("planner.constraints", "planner.profile", "planner.sections", "planner.grid", "planner.law")
+ABOVE_LIMITS = (
+    "planner.constraints",
+    "planner.profile",
+    "planner.bends",
+    "planner.sections",
+    "planner.grid",
+    "planner.law",
+)
 UPPER = (
     "planner.refine", "planner.plan", "planner.check", "planner.tables", "planner.ngc", "planner.plots", "planner.figures",
-    "planner.verdict", "planner.cli",
+    "planner.verdict", "planner.traces", "planner.report", "planner.cli",
 )  # fmt: skip
 HEAVY = ("casadi", "ezdxf", "toppra", "ruckig", "matplotlib", "numba", "scipy", "pydantic", "typer", "rich")
 
@@ -150,17 +157,23 @@ class TestRooms:
     def test_solvers_lie_below_the_plan(self, module):
         assert not {name for name in reached(module) if within(name, *UPPER)}
 
-    @pytest.mark.skipif("planner.check" not in MODULES, reason="there is no check")
-    def test_check_shares_nothing_with_the_planner(self):
+    def test_check_is_a_package_of_rooms(self):
+        assert {"planner.check", "planner.check.report", "planner.check.motion"} <= set(MODULES)
+
+    @pytest.mark.parametrize("module", [m for m in MODULES if within(m, "planner.check")])
+    def test_check_shares_nothing_with_the_planner(self, module):
         forbidden = (
+            "planner.bends",
             "planner.constraints",
             "planner.grid",
+            "planner.kernels",
             "planner.law",
             "planner.plan",
             "planner.refine",
             "planner.sections",
+            "planner.solvers",
         )
-        assert not {name for name in reached("planner.check") if within(name, *forbidden, "planner.solvers")}
+        assert not {name for name in reached(module) if within(name, *forbidden)}
 
     @pytest.mark.parametrize("module", [m for m in MODULES if within(m, "interp")])
     def test_interp_needs_only_geometry_limits_and_profile(self, module):

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from planner.geometry.curve import Curve
     from planner.limits import Limits
     from planner.profile import FeedrateProfile
+    from planner.programs.path import ProgramPath
     from planner.progress import ProgressLine
     from planner.verdict import Verdict
 
@@ -35,8 +36,9 @@ BROKEN, BAD_INPUT, NO_PLAN, INTERRUPTED = 1, 2, 3, 130
 _HELP = """\
 Time-optimal, jerk-limited feedrate plans for parametric tool paths.
 
-A CURVE is a name that "feedplan curves" lists, or a .json or .toml file.
-A machine is a .toml file, or one of the examples "mill" and "five-axis".
+A CURVE is a name that "feedplan curves" lists, a .json, .toml, .dxf or .csv
+file, or a part program, .ngc.  A machine is a .toml file, the .ini of a
+LinuxCNC machine, or one of the examples "mill" and "five-axis".
 Lengths are in mm, angles in rad, times in s.
 """
 _EXAMPLES = """\
@@ -46,6 +48,11 @@ Examples:
   feedplan plan butterfly-nurbs -o table.csv --plot plan.png
   feedplan check table.csv butterfly-nurbs --machine mill.toml
   feedplan replay table.csv butterfly-nurbs --period-s 0.001 -o samples.csv
+  feedplan time part.ngc --machine mill.toml --tolerance-mm 0.01
+  feedplan windows long.ngc --machine mill.toml -o plan.npz
+  feedplan ngc part.ngc --machine mill.toml --tolerance-mm 0.01 -o out.ngc
+  feedplan report table.csv butterfly-nurbs -o report.html
+  feedplan compare teardrop --machine mill.toml --plot compare.png
 
 \b
 Exit codes: 0 every limit holds, 1 a limit is broken, 2 bad input,
@@ -63,11 +70,15 @@ app = typer.Typer(
 )
 
 
-CurveName = Annotated[str, typer.Argument(metavar="CURVE", help="Name of a curve, or a .json or .toml file.")]
+CurveName = Annotated[
+    str, typer.Argument(metavar="CURVE", help="Name of a curve, or a file: .json, .toml, .dxf, .csv, .ngc.")
+]
 TableFile = Annotated[Path, typer.Argument(metavar="TABLE", help="Feedrate table, .csv or .npz.")]
 Scale = Annotated[float, typer.Option(help="Multiplies the linear axes of the curve.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the verdict as JSON and nothing else.")]
-Machine = Annotated[str | None, typer.Option(metavar="FILE", help="Machine file, .toml, or an example machine.")]
+Machine = Annotated[
+    str | None, typer.Option(metavar="FILE", help="Machine file, .toml or .ini, or an example machine.")
+]
 
 
 def main() -> None:
@@ -118,7 +129,7 @@ def exits() -> Iterator[None]:
         signal.signal(signal.SIGINT, previous)
 
 
-def require_outputs(table: Path | None, plot: Path | None) -> None:
+def require_outputs(table: Path | None, plot: Path | None, report: Path | None = None) -> None:
     """Refuse an output that could not be written before the work begins."""
     if table is not None:
         from planner.tablefile import file_format
@@ -130,23 +141,20 @@ def require_outputs(table: Path | None, plot: Path | None) -> None:
 
         figure_format(plot)
         require_writable(plot)
+    if report is not None:
+        from planner.report import require_report
+
+        require_report(report)
 
 
 def load(
     curve: str, scale: float, machine: str | None, feed: float | None, period: float | None
 ) -> tuple[Curve, Limits, str]:
     """Load curve and limits; without a machine, the example that has the curve's axes."""
-    from planner import load_curve, load_limits
-    from planner.geometry.curve import ROTARY_AXES
+    from planner.cli.parts import load_part
 
-    path = load_curve(curve, scale=scale)
-    example = "five-axis" if ROTARY_AXES & set(path.axes) else "mill"
-    limits = load_limits(machine or example).for_curve(path)
-    if feed is not None:
-        limits = limits.with_feed(feed)
-    if period is not None:
-        limits = limits.with_period(period)
-    return path, limits, machine or f"{example} (example machine)"
+    part = load_part(curve, scale, machine, feed, period)
+    return part.curve, part.limits, part.machine
 
 
 def judge(
@@ -157,6 +165,8 @@ def judge(
     *,
     seconds: float = math.nan,
     files: tuple[str, ...] = (),
+    program: ProgramPath | None = None,
+    facts: tuple[tuple[str, str], ...] = (),
 ) -> Verdict:
     """Check a plan and the samples of it, each on its own."""
     import interp
@@ -169,7 +179,7 @@ def judge(
     line("checking the samples")
     samples = interp.replay(curve, profile, limits.period)
     samples_report = check_plan(curve, limits, samples)
-    return Verdict(profile, limits, machine, samples, plan_report, samples_report, seconds, files)
+    return Verdict(profile, limits, machine, samples, plan_report, samples_report, seconds, files, program, facts)
 
 
 def report_verdict(verdict: Verdict, as_json: bool) -> None:

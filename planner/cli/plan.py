@@ -22,12 +22,12 @@ from planner.cli.app import (
     TableFile,
     app,
     exits,
-    judge,
-    load,
     report_verdict,
     require_outputs,
     show,
 )
+from planner.cli.parts import PATH_SHARE, Tolerance, load_part, load_part_of_table, require_program
+from planner.output import require_writable
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -52,6 +52,7 @@ class Method(StrEnum):
         "\b\nExamples:\n"
         "  feedplan plan butterfly-nurbs -o table.csv\n"
         "  feedplan plan part.json --machine mill.toml --feed-mm-s 80 --plot plan.pdf\n"
+        "  feedplan plan part.ngc --tolerance-mm 0.01 --program out.ngc\n"
     ),
 )
 def plan(
@@ -68,10 +69,14 @@ def plan(
     exact_stop: Annotated[
         bool, typer.Option("--exact-stop", help="Stop wherever the curvature jumps, not only in corners.")
     ] = False,
+    tolerance_mm: Tolerance = None,
     intervals: Annotated[int | None, typer.Option(help="Grid intervals; refinement chooses if left out.")] = None,
     budget_s: Annotated[float, typer.Option(help="Time after which to return the best plan so far.")] = math.inf,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Feedrate table, .csv or .npz.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Figure, .png, .pdf or .svg.")] = None,
+    report: Annotated[Path | None, typer.Option(help="Page for a browser, .html.")] = None,
+    program: Annotated[Path | None, typer.Option(help="LinuxCNC program of the plan; see feedplan ngc.")] = None,
+    lines: Annotated[Path | None, typer.Option(help="Seconds of each line of a part program, .csv or .npz.")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Plan the feed along a curve, and check the plan.
@@ -79,17 +84,24 @@ def plan(
     The plan and its samples are checked on their own, without a formula of the planner; one verdict is printed.
     """
     with exits():
-        require_outputs(output, plot)
-        path, limits, machine_name = load(curve, scale, machine, feed_mm_s, period_s)
-        from planner import SolverError, certify, plan_feedrate, write_table
+        require_outputs(output, plot, report)
+        require_outputs(lines, None)
+        if program is not None:
+            require_writable(program)
+        if lines is not None:
+            require_program(curve, "--lines")
+        share = 1.0 if program is None else PATH_SHARE
+        part = load_part(curve, scale, machine, feed_mm_s, period_s, tolerance_mm, share)
+        path, limits = part.curve, part.limits
+        from planner import SolverError, certify, write_table
+        from planner.programs.times import write_line_times
         from planner.progress import ProgressLine, load_kernels
 
         load_kernels()
         with ProgressLine() as line:
             started = time.perf_counter()
-            profile = plan_feedrate(
-                path,
-                limits,
+            profile = part.plan(
+                line,
                 method=method.value,
                 start_feed=start_feed_mm_s,
                 end_feed=end_feed_mm_s,
@@ -97,7 +109,6 @@ def plan(
                 budget=budget_s,
                 intervals=intervals,
                 exact_stop=exact_stop,
-                progress=line,
             )
             seconds = time.perf_counter() - started
             if method is not Method.toppra:
@@ -107,13 +118,23 @@ def plan(
             if output is not None:
                 line(f"writing {output}")
                 write_table(output, profile, limits)
-            files = tuple(str(name) for name in (output, plot) if name is not None)
-            verdict = judge(profile, limits, machine_name, line, seconds=seconds, files=files)
+            if program is not None:
+                line(f"writing {program}")
+                part.write(program, profile, "feed")
+            if lines is not None:
+                line(f"writing {lines}")
+                write_line_times(lines, part.line_times(profile), curve)
+            files = tuple(str(name) for name in (output, plot, report, program, lines) if name is not None)
+            verdict = part.judge(profile, line, seconds=seconds, files=files)
             if plot is not None:
                 from planner.plots import plot_plan, save_plot
 
                 line(f"drawing {plot}")
                 save_plot(plot, plot_plan(path, limits, profile, verdict.samples))
+            if report is not None:
+                from planner.report import write_report
+
+                write_report(report, verdict, lines=part.line_times(profile) if part.program else None, progress=line)
         report_verdict(verdict, as_json)
 
 
@@ -123,6 +144,7 @@ def check(
     curve: CurveName,
     *,
     machine: Machine = None,
+    tolerance_mm: Tolerance = None,
     scale: Scale = 1.0,
     as_json: AsJson = False,
 ) -> None:
@@ -131,18 +153,15 @@ def check(
     Nothing of the planner is used.  Without --machine the limits in the table's own header count.
     """
     with exits():
-        from planner import load_curve, load_limits, read_table, table_limits
+        from planner import read_table
         from planner.progress import ProgressLine, load_kernels
 
-        path = load_curve(curve, scale=scale)
-        limits = load_limits(machine).for_curve(path) if machine else None
+        part = load_part_of_table(table, curve, scale, machine, tolerance_mm)
         load_kernels()
         with ProgressLine() as line:
             line("reading the table")
-            profile = read_table(table, path)
-            if limits is None:
-                limits = table_limits(table)
-            verdict = judge(profile, limits, machine or f"limits in {table}", line)
+            profile = read_table(table, part.curve)
+            verdict = part.judge(profile, line)
         report_verdict(verdict, as_json)
 
 
@@ -153,6 +172,7 @@ def replay(
     *,
     period_s: Annotated[float | None, typer.Option(help="Interpolation period, in place of the table's.")] = None,
     order: Annotated[int, typer.Option(help="1, 2, 3 (Taylor steps) or 5 (the plan itself).")] = 5,
+    tolerance_mm: Tolerance = None,
     scale: Scale = 1.0,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Samples, .csv or .npz.")] = None,
 ) -> None:
@@ -163,12 +183,13 @@ def replay(
     with exits():
         require_outputs(output, None)
         import interp
-        from planner import load_curve, read_table, table_limits
+        from planner import read_table
         from planner.check import check as check_plan
         from planner.progress import ProgressLine, load_kernels
         from planner.tables import write_samples
 
-        path = load_curve(curve, scale=scale)
+        part = load_part_of_table(table, curve, scale, None, tolerance_mm)
+        path = part.curve
         load_kernels()
         with ProgressLine() as line:
             line("reading the table")
@@ -176,7 +197,7 @@ def replay(
             line("sampling")
             samples = interp.replay(path, profile, period_s, order=order)
             line("measuring the samples")
-            report = check_plan(path, table_limits(table), samples)
+            report = check_plan(path, part.limits, samples)
             apart = _distance(profile, samples)
             if output is not None:
                 line(f"writing {output}")

@@ -21,6 +21,7 @@ from planner.geometry.curve import Curve, FloatArray, dot
 
 _FOOT_PASSES = 8
 _CONVEX = 0.2
+_SETTLED = 1e-9  # of the distance, by which another step could shorten it
 _REFINED = 64  # largest samples of either direction that are refined between their neighbours
 _ZOOM, _ZOOMS = 12, 3  # parts of a bracket looked at, and how often: 1/216 of it at last
 _SAME = 1e-12
@@ -81,21 +82,29 @@ def foot_distance(
     Newton on the squared distance where that is convex, Gauss-Newton where it is not; a step that leads away is halved.
     """
     best = np.full(u.size, np.inf)
-    at = u
+    at, u = u.copy(), u.copy()
+    moving = np.arange(u.size)
     for _ in range(_FOOT_PASSES):
-        d = curve(u)
-        away = d[0] - points
+        x = u[moving]
+        d = curve(x)
+        away = d[0] - points[moving]
         square = dot(d[1], d[1])
         distance = np.sqrt(dot(away, away))
-        nearer = distance < best
-        at, best = np.where(nearer, u, at), np.where(nearer, distance, best)
+        nearer = distance < best[moving]
+        at[moving], best[moving] = np.where(nearer, x, at[moving]), np.where(nearer, distance, best[moving])
         convex = square + dot(away, d[2])
         slope = np.where(convex > _CONVEX * square, convex, square)
         # A step that led away is halved, from the best point so far.
-        following = np.clip(u - dot(away, d[1]) / slope, lo, hi)
-        u = np.where(nearer, following, 0.5 * (at + u))
-    last = curve(u)[0] - points
-    return np.asarray(np.minimum(best, np.sqrt(dot(last, last))))
+        step = np.clip(x - dot(away, d[1]) / slope, lo[moving], hi[moving])
+        u[moving] = np.where(nearer, step, 0.5 * (at[moving] + x))
+        # A step d along changes the distance r by no more than d^2 / 2r, or d: this point is settled, the distance found.
+        reach = np.abs(u[moving] - x) * np.sqrt(square)
+        moving = moving[reach * np.minimum(reach, best[moving]) > _SETTLED * best[moving] ** 2]
+        if moving.size == 0:
+            return best
+    last = curve(u[moving])[0] - points[moving]
+    best[moving] = np.minimum(best[moving], np.sqrt(dot(last, last)))
+    return best
 
 
 def samples_between(edges: FloatArray, count: int) -> FloatArray:
@@ -147,10 +156,12 @@ def deviation(
     for measure, own, other in ((from_path, u_edges, s_edges), (from_program, s_edges, u_edges)):
         edges = np.union1d(curve._candidate_breaks(), own) if measure is from_path else own
         edges = edges if measure is from_path else np.union1d(programmed.edges, own)
+        if where is not None:
+            limits = where if own is s_edges else tuple(np.interp(part, s_edges, u_edges) for part in where)
+            edges = np.union1d(edges, np.concatenate(limits))
         edges = edges[(edges >= own[0]) & (edges <= own[-1])]
         edges = edges[np.append(True, np.diff(edges) > _SAME)]
         if where is not None:
-            limits = where if own is s_edges else tuple(np.interp(part, s_edges, u_edges) for part in where)
             inside = np.searchsorted(limits[0], edges[:-1] + _SAME, side="right") - 1
             kept = (inside >= 0) & (edges[:-1] < limits[1][np.maximum(inside, 0)])
         else:

@@ -154,17 +154,12 @@ class Blocks:
     stop: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, program: Program, tolerance: float | None) -> Blocks:
-        """Take the moves as legs."""
+    def of(cls, program: Program, tolerance: float | None, moves: NDArray[np.bool_] | None = None) -> Blocks:
+        """Take the moves as legs, in the axes that move or those of ``moves`` (3,)."""
         row = np.flatnonzero(program.lengths > 0.0)
         if not row.size:
             raise CurveError(f"{program.source}: the program moves nothing; a path needs a move")
-        points = np.concatenate([program.start[row], program.end[row]])
-        moves = np.ptp(points, axis=0) > 0.0
-        arcs = row[program.kind[row] == ARC]
-        moves[np.unique((program.normal[arcs][:, None] + np.array([1, 2])) % 3)] = True
-        if moves.sum() < 2:
-            moves[[k for k in range(3) if not moves[k]][: 2 - int(moves.sum())]] = True
+        moves = moving_axes(program) if moves is None else moves
         legs, length = _legs(program, row, moves)
         edges = np.concatenate([[0.0], np.cumsum(length)])
         given = program.tolerance[row]
@@ -177,6 +172,18 @@ class Blocks:
         stop = (halts[row[1:]] > halts[row[:-1]]) | rapid[:-1] | rapid[1:]
         axes = tuple(name for name, moving in zip(_AXES, moves, strict=True) if moving)
         return cls(row, axes, Programmed(edges, legs), own, program.feed[row], rapid, stop)
+
+
+def moving_axes(program: Program) -> NDArray[np.bool_]:
+    """Which of X, Y and Z move, (3,); at least two, since a path has two axes or more."""
+    moves = np.maximum(program.start.max(axis=0), program.end.max(axis=0)) > np.minimum(
+        program.start.min(axis=0), program.end.min(axis=0)
+    )
+    arcs = program.kind == ARC
+    moves[np.unique((program.normal[arcs][:, None] + np.array([1, 2])) % 3)] = True
+    if moves.sum() < 2:
+        moves[[k for k in range(3) if not moves[k]][: 2 - int(moves.sum())]] = True
+    return np.asarray(moves)
 
 
 def _legs(program: Program, row: NDArray[np.intp], moves: NDArray[np.bool_]) -> tuple[Legs, FloatArray]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -121,32 +121,56 @@ def line_times(program: Program, path: ProgramPath, profile: FeedrateProfile) ->
     edges = times_at(profile, path.u)
     edges[0], edges[-1] = 0.0, profile.duration
     edges = np.maximum.accumulate(edges)
-    binding, held = _largest_share(profile, edges)
+    binding, held = largest_share(profile, edges)
+    return combined(program, path.line, path.u, np.diff(edges), (binding, held, profile.limit_names))
+
+
+def combined(
+    program: Program,
+    moving: NDArray[np.int64],
+    u: FloatArray,
+    seconds: FloatArray,
+    binding: tuple[NDArray[np.int8], FloatArray, tuple[str, ...]],
+) -> LineTimes:
+    """Put the lines that move together with those that do not.
+
+    Parameters
+    ----------
+    program : Program
+    moving : (m,) int array
+        Lines that move.
+    u : (m + 1,) array
+        Curve parameters at which they begin and end.
+    seconds : (m,) array
+        Their times.
+    binding : tuple
+        The limit that holds each back for longest (m,), for how long, s, (m,), and the names of the limits.
+    """
+    limit, held, names = binding
     dwells = [(event.line, event.seconds) for event in program.events if event.kind == "dwell"]
     changes = [event.line for event in program.events if event.kind == "tool_change"]
     others = [program.zero_lines, np.array([line for line, _ in dwells] + changes, dtype=np.int64)]
-    line = np.unique(np.concatenate([path.line, *others]))
+    line = np.unique(np.concatenate([moving, *others]))
     columns: dict[str, FloatArray] = {name: np.zeros(line.size) for name in ("length", "seconds", "share", "dwell")}
     kind, named, tools = (np.zeros(line.size, dtype=np.int8) for _ in range(3))
-    at = np.searchsorted(line, path.line)
-    move = np.searchsorted(program.line, path.line)
+    at = np.searchsorted(line, moving)
+    move = np.searchsorted(program.line, moving)
     for code, value in _KIND_OF_MOVE.items():
         kind[at[program.kind[move] == code]] = value
-    seconds = np.diff(edges)
-    columns["length"][at], columns["seconds"][at], named[at] = program.lengths[move], seconds, binding
+    columns["length"][at], columns["seconds"][at], named[at] = program.lengths[move], seconds, limit
     columns["share"][at] = np.divide(held, seconds, out=np.zeros(seconds.size), where=seconds > 0.0)
     for number, length in dwells:
         columns["dwell"][np.searchsorted(line, number)] += length
     np.add.at(tools, np.searchsorted(line, changes), 1)
-    before, after = np.searchsorted(path.line, line, side="left"), np.searchsorted(path.line, line, side="right")
+    before, after = np.searchsorted(moving, line, side="left"), np.searchsorted(moving, line, side="right")
     return LineTimes(
         line=line,
         kind=kind,
-        u_start=path.u[before],
-        u_end=path.u[after],
+        u_start=u[before],
+        u_end=u[after],
         binding=named,
         tool_changes=tools,
-        limit_names=profile.limit_names,
+        limit_names=names,
         **columns,
     )
 
@@ -174,7 +198,7 @@ def times_at(profile: FeedrateProfile, u: ArrayLike) -> FloatArray:
     i = node[inside] - 1
     law = (profile.u, profile.u_rate, profile.u_acceleration)
     h = profile.t[i + 1] - profile.t[i]
-    c = quintic_coefficients(h, *(tuple(column[k] for column in law) for k in (i, i + 1)))  # type: ignore[arg-type]
+    c = quintic_coefficients(h, *(tuple(column[k] for column in law) for k in (i, i + 1)))
     c[0] -= wanted[inside]
     out[inside] = profile.t[i] + _roots(c, h)
     return out
@@ -200,7 +224,7 @@ def _roots(c: FloatArray, h: FloatArray) -> FloatArray:
     return w
 
 
-def _largest_share(profile: FeedrateProfile, edges: FloatArray) -> tuple[NDArray[np.int8], FloatArray]:
+def largest_share(profile: FeedrateProfile, edges: FloatArray) -> tuple[NDArray[np.int8], FloatArray]:
     """Between neighbouring times, the limit that binds for longest and for how long, s.
 
     A node speaks for the time from the middle of the interval before it to the middle of the one after it.
@@ -239,7 +263,7 @@ def write_line_times(path: str | Path, times: LineTimes, source: str, *, without
     """
     from planner.tablefile import write_columns
 
-    columns = {
+    columns: dict[str, NDArray[Any]] = {
         "line": times.line,
         "kind": times.kind,
         "length_mm": times.length,
@@ -270,29 +294,36 @@ def line_table(times: LineTimes, *, without_jerk: LineTimes | None = None, rows:
     """Lay the longest lines out for a terminal, with what the others take together and the total."""
     from rich.table import Table
 
-    heads = ["line", "kind", "length mm", "seconds", "held back by", "of its time", "dwell s"]
-    if without_jerk is not None:
-        heads.insert(4, "no jerk limit")
-    table = Table(box=None, padding=(0, 2, 0, 0), header_style="underline")
-    for head in heads:
-        table.add_column(head, justify="left" if head in {"kind", "held back by"} else "right", no_wrap=True)
+    columns: dict[str, list[str]] = {"line": [], "kind": [], "mm": [], "seconds": []}
     order = np.argsort(-(times.seconds + times.dwell), kind="stable")
-    for k in order[:rows]:
-        named = times.limit_names[times.binding[k]] if times.binding[k] else "no limit" if times.seconds[k] else ""
-        share = f"{100.0 * times.share[k]:.0f}%" if times.binding[k] else ""
-        cells = [str(times.line[k]), KINDS[times.kind[k]], f"{times.length[k]:.3f}", f"{times.seconds[k]:.4f}"]
-        cells += [named, share, f"{times.dwell[k]:.3g}" if times.dwell[k] else ""]
-        _add(table, cells, None if without_jerk is None else float(without_jerk.seconds[k]))
-    others = order[rows:]
-    if others.size:
-        cells = [f"{others.size} others", "", f"{times.length[others].sum():.3f}", f"{times.seconds[others].sum():.4f}"]
-        cells += ["", "", f"{times.dwell[others].sum():.3g}" if times.dwell[others].any() else ""]
-        _add(table, cells, None if without_jerk is None else float(without_jerk.seconds[others].sum()))
-    cells = ["all", "", f"{times.length.sum():.3f}", f"{times.moving:.4f}", "", ""]
-    cells.append(f"{times.dwelling:.3g}" if times.dwelling else "")
-    _add(table, cells, None if without_jerk is None else without_jerk.moving)
+    groups = [order[k : k + 1] for k in range(min(rows, order.size))]
+    if order.size > rows:
+        groups.append(order[rows:])
+    groups.append(order)
+    columns["line"] = [str(times.line[group[0]]) for group in groups[: min(rows, order.size)]]
+    columns["line"] += [f"{order.size - rows} others"] * (order.size > rows) + ["all"]
+    columns["kind"] = [KINDS[times.kind[group[0]]] if group.size == 1 else "" for group in groups]
+    columns["mm"] = [f"{times.length[group].sum():.3f}" for group in groups]
+    columns["seconds"] = [f"{math.fsum(times.seconds[group]):.4f}" for group in groups]
+    if without_jerk is not None:
+        columns["no jerk\nlimit"] = [f"{math.fsum(without_jerk.seconds[group]):.4f}" for group in groups]
+    single = [int(group[0]) if group.size == 1 and times.seconds[group[0]] > 0.0 else -1 for group in groups]
+    columns["held back by"] = ["" if k < 0 else _limit_name(times, k) for k in single]
+    columns["share"] = ["" if k < 0 or not times.binding[k] else f"{100.0 * times.share[k]:.0f}%" for k in single]
+    if times.dwell.any():
+        columns["dwell\ns"] = [
+            f"{times.dwell[group].sum():.4g}" if times.dwell[group].any() else "" for group in groups
+        ]
+    if times.changes:
+        changes = [int(times.tool_changes[group].sum()) for group in groups]
+        columns["tool\nchanges"] = [str(count) if count else "" for count in changes]
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="underline")
+    for head in columns:
+        table.add_column(head, justify="left" if head in {"kind", "held back by"} else "right", vertical="bottom")
+    for row in zip(*columns.values(), strict=True):
+        table.add_row(*row)
     return table
 
 
-def _add(table: Table, cells: list[str], without_jerk: float | None) -> None:
-    table.add_row(*(cells if without_jerk is None else [*cells[:4], f"{without_jerk:.4f}", *cells[4:]]))
+def _limit_name(times: LineTimes, row: int) -> str:
+    return times.limit_names[times.binding[row]] if times.binding[row] else "no limit"

@@ -1,0 +1,166 @@
+"""Long part programs in windows: time, memory, and what is lost against the plan of the whole.
+
+The program is a winding curve in segments of 0.1 mm, rounded to 1 um as a CAM system writes it: turns of every size, no
+exact stop, so that every window but the last ends in the middle of the motion.  Each size runs in a process of its own,
+whose peak memory counts everything, the interpreter and the compiled kernels too.  The loss is measured where the whole can
+be planned as well: the same program, once in windows and once from end to end.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from planner.limits import Limits
+
+_SEGMENT = 0.1  # mm
+_WAVELENGTHS = (11.0, 17.0, 29.0, 47.0, 83.0)  # mm
+_TOLERANCE = 0.01  # mm
+_FEED, _AXIS = 100.0, (250.0, 1000.0, 2e4)  # mm/s; velocity, acceleration and jerk of each axis
+_WHOLE = 20_000  # blocks that are planned as a whole too
+# What is asked for: blocks, seconds, megabytes.
+_ASKED = {100_000: (60.0, 600.0), 1_000_000: (600.0, 600.0)}
+
+
+def write_winding(path: Path, blocks: int, seed: int = 7) -> None:
+    """Write a program of ``blocks`` segments whose direction is a sum of seeded sine waves."""
+    rng = np.random.default_rng(seed)
+    s = _SEGMENT * np.arange(blocks)
+    heading = np.zeros(blocks)
+    for wavelength in _WAVELENGTHS:
+        heading += rng.uniform(0.4, 0.8) * np.sin(2.0 * np.pi * s / wavelength + rng.uniform(0.0, 2.0 * np.pi))
+    x, y = np.cumsum(_SEGMENT * np.cos(heading)), np.cumsum(_SEGMENT * np.sin(heading))
+    with open(path, "w", encoding="ascii") as file:
+        file.write("G21 G17 G90 G94\nG0 X0.000 Y0.000\nG64 P0.01\nF6000\n")
+        for first in range(0, blocks, 10_000):
+            some = slice(first, first + 10_000)
+            file.writelines(f"G1 X{a:.3f} Y{b:.3f}\n" for a, b in zip(x[some], y[some], strict=True))
+        file.write("M2\n")
+
+
+def run_windows(program: Path, output: Path) -> dict[str, float | int | bool | str]:
+    """Plan a program in windows in this process; what it took and what came out."""
+    import resource
+
+    from planner.programs.windows import plan_program
+    from planner.progress import ProgressLine, load_kernels
+
+    load_kernels()
+    began, cpu = time.perf_counter(), time.process_time()
+    with ProgressLine() as line:
+        plan = plan_program(program, _limits(), _TOLERANCE, output=output, progress=line)
+    return {
+        "blocks": plan.blocks,
+        "duration_s": plan.duration,
+        "windows": plan.windows,
+        "resumed": plan.resumed,
+        "ok": plan.ok,
+        "extra_stops": plan.stops,
+        "deviation_um": 1e3 * plan.deviation,
+        "worst": plan.worst,
+        "worst_limit": plan.worst_limit,
+        "joint_feed_mm_s": plan.joint_feed,
+        "joint_acceleration_mm_s2": plan.joint_acceleration,
+        "wall_s": time.perf_counter() - began,
+        "cpu_s": time.process_time() - cpu,
+        "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0,
+    }
+
+
+def run_whole(program: Path) -> dict[str, float | int | bool | str]:
+    """Plan a program from end to end in this process."""
+    import resource
+
+    from planner import check, plan_feedrate, read_program
+    from planner.programs.path import program_path
+    from planner.progress import load_kernels
+
+    load_kernels()
+    began, cpu = time.perf_counter(), time.process_time()
+    limits = _limits()
+    path = program_path(read_program(program), _TOLERANCE, limits)
+    own = limits.for_curve(path.curve)
+    profile = plan_feedrate(path.curve, own, intervals=path.intervals)
+    report = check(path.curve, own, profile)
+    return {
+        "duration_s": profile.duration,
+        "ok": report.ok,
+        "wall_s": time.perf_counter() - began,
+        "cpu_s": time.process_time() - cpu,
+        "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0,
+    }
+
+
+def _limits() -> Limits:
+    velocity, acceleration, jerk = _AXIS
+    return Limits(_FEED, [velocity] * 3, [acceleration] * 3, [jerk] * 3)
+
+
+def _in_process(how: str, program: Path, output: Path) -> dict[str, float | int | bool | str]:
+    """Run in a process of its own, for its peak memory."""
+    command = [sys.executable, "-m", "benchmarks.windows", "--run", how, str(program), str(output)]
+    done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True)
+    result: dict[str, float | int | bool | str] = json.loads(done.stdout.splitlines()[-1])
+    return result
+
+
+def measure(sizes: Sequence[int], whole: int, directory: Path) -> list[str]:
+    """Measure every size, and the loss at the size ``whole``; the lines of a table."""
+    lines = [
+        "| blocks | wall s | CPU s | peak MB | windows | duration s | worst limit | joints mm/s^2 | deviation um |"
+    ]
+    lines.append("|---|---|---|---|---|---|---|---|---|")
+    for blocks in sizes:
+        program = directory / f"winding-{blocks}.ngc"
+        write_winding(program, blocks)
+        r = _in_process("windows", program, directory / f"winding-{blocks}.npz")
+        asked = _ASKED.get(blocks)
+        verdict = "" if r["ok"] else " FAILS ITS CHECK"
+        if asked is not None and (float(r["wall_s"]) > asked[0] or float(r["peak_mb"]) > asked[1]):
+            verdict += f" (asked: {asked[0]:g} s, {asked[1]:g} MB)"
+        lines.append(
+            f"| {blocks}{verdict} | {r['wall_s']:.1f} | {r['cpu_s']:.1f} | {r['peak_mb']:.0f} | {r['windows']} | "
+            f"{r['duration_s']:.5f} | {r['worst']:.7f} {r['worst_limit']} | {r['joint_acceleration_mm_s2']:.1e} | "
+            f"{r['deviation_um']:.3f} |"
+        )
+    if whole:
+        program = directory / f"winding-{whole}.ngc"
+        write_winding(program, whole)
+        parts = _in_process("windows", program, directory / f"winding-{whole}.npz")
+        one = _in_process("whole", program, directory / f"winding-{whole}.npz")
+        loss = 100.0 * (float(parts["duration_s"]) / float(one["duration_s"]) - 1.0)
+        lines.append("")
+        lines.append(
+            f"{whole} blocks in {parts['windows']} windows {parts['duration_s']:.6f} s, as a whole "
+            f"{one['duration_s']:.6f} s: {loss:+.4f} % ({parts['cpu_s']:.1f} against {one['cpu_s']:.1f} s of CPU, "
+            f"{parts['peak_mb']:.0f} against {one['peak_mb']:.0f} MB)"
+        )
+    return lines
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the benchmark."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--blocks", type=int, nargs="*", default=[100_000], help="sizes to measure")
+    parser.add_argument("--whole", type=int, default=_WHOLE, help="size at which the loss is measured; 0 for none")
+    parser.add_argument("--run", nargs=3, metavar=("HOW", "PROGRAM", "OUTPUT"), help=argparse.SUPPRESS)
+    options = parser.parse_args(arguments)
+    if options.run:
+        how, program, output = options.run
+        result = run_whole(Path(program)) if how == "whole" else run_windows(Path(program), Path(output))
+        print(json.dumps(result))
+        return
+    with tempfile.TemporaryDirectory() as directory:
+        print("\n".join(measure(options.blocks, options.whole, Path(directory))))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,102 @@
+"""The dense pass over a plan, and the search around its highest points."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.check.motion import Motion
+from planner.check.peaks import Highest, IntArray, chunks, zoom
+from planner.check.quantities import axis_rows, names, sizes_of
+from planner.check.report import Place
+from planner.geometry.curve import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """What the dense pass over a profile keeps.
+
+    top_span, top_x : (quantities, candidates)
+        The highest spans of each quantity and where their highest points are.
+    largest : (quantities,)
+        Largest size of each quantity at the points, less its slack.
+    jerk : (dim, spans)
+        Largest |axis jerk| on each span.
+    steps : (2, spans + 1, dim)
+        Steps of axis velocity and acceleration where spans meet; first and last entry: against a standstill.
+    """
+
+    top_span: IntArray
+    top_x: FloatArray
+    largest: FloatArray
+    jerk: FloatArray
+    steps: FloatArray
+
+
+def scan_spans(motion: Motion, density: int) -> Scan:
+    """Measure every span at ``density`` points, both ends included, and keep the highest."""
+    from planner.check.kernels import scan
+
+    dim, spans = motion.curve.dim, motion.interval.size
+    count = len(names(dim))
+    tops = [Highest() for _ in range(count)]
+    largest = np.zeros(count)
+    jerk = np.empty((dim, spans))
+    steps = np.zeros((2, spans + 1, dim))
+    for span in chunks(spans, density):
+        x = motion.grid(span, density)
+        ends, height = np.empty((2, count, span.size)), np.empty((count, span.size))
+        top, chunk_jerk = np.empty((count, span.size), dtype=np.intp), np.empty((dim, span.size))
+        scan(*motion.states(span, x), ends, height, top, largest, chunk_jerk)
+        jerk[:, span] = chunk_jerk
+        for k in range(2):
+            first, last = ends[:, axis_rows(dim, k)]
+            steps[k, span] += first.T
+            steps[k, span + 1] -= last.T
+        for kept, heights, at in zip(tops, height, top, strict=True):
+            kept.offer(heights, span, x[np.arange(span.size), at])
+    return Scan(np.stack([top.index for top in tops]), np.stack([top.x for top in tops]), largest, jerk, steps)
+
+
+def worst_of(motion: Motion, scan: Scan, density: int) -> Iterator[tuple[str, int, float, float, Place]]:
+    """Yield quantity, axis, worst value, its slack and its place, after the search around the highest points."""
+    rows = names(motion.curve.dim)
+    span, candidates = scan.top_span.reshape(-1), scan.top_span.shape[1]
+    quantity = np.repeat(np.arange(len(rows)), candidates)
+    every = np.arange(span.size)
+
+    def height(x: FloatArray) -> FloatArray:
+        values, slack = motion.measure(span, x)
+        return np.asarray(_used(sizes_of(values)[quantity, every], slack[quantity, every]))
+
+    lower, upper = motion.lower[span], motion.upper[span]
+    x = zoom(height, scan.top_x.reshape(-1), (upper - lower) / (density - 1), lower, upper)[:, None]
+    values, slack = motion.measure(span, x)
+    worst, slack = sizes_of(values)[quantity, every, 0], slack[quantity, every, 0]
+    u, t = motion.parameter(span, x)[:, 0], motion.time(span, x[:, 0])
+    best = _used(worst, slack).reshape(-1, candidates).argmax(axis=1) + candidates * np.arange(len(rows))
+    for (name, j), k in zip(rows, best, strict=True):
+        yield name, j, max(float(worst[k]), 0.0), float(slack[k]), (float(t[k]), float(u[k]))
+
+
+def _used(sizes: FloatArray, slack: FloatArray) -> FloatArray:
+    """Size less slack; what overflows double precision is beyond every limit, whatever is granted there."""
+    with np.errstate(invalid="ignore"):
+        less = sizes - slack
+    return np.where(less < np.inf, less, np.inf)
+
+
+def programmed_feed(motion: Motion, density: int) -> tuple[float, float, tuple[float, float]]:
+    """Feed that uses most of what the curve's own caps command: value, cap and place."""
+    caps, worst = motion.curve.feed_caps, (0.0, np.inf, (0.0, 0.0))
+    for span in chunks(motion.interval.size, density):
+        x = motion.grid(span, density)
+        feeds, u = motion.feed(span, x), motion.parameter(span, x)
+        # A span ends at the knots of the path; on a step of the cap it has the cap of its own side.
+        cap = caps.at(u, u >= motion.u_ends[1, span, None]) if caps is not None else np.full(u.shape, np.inf)
+        k = np.unravel_index(int((feeds / cap).argmax()), feeds.shape)
+        if feeds[k] / cap[k] > worst[0] / worst[1]:
+            worst = (float(feeds[k]), float(cap[k]), (float(motion.time(span, x[:, k[1]])[k[0]]), float(u[k])))
+    return worst

@@ -1,0 +1,357 @@
+"""The path of a long program, part after part, with the memory of one.
+
+A part covers some thousand blocks.  What a junction becomes, and where a tube begins, depends on its surroundings only;
+so a part is built with a few blocks before it and some after it, and ends where the rest of the program has no more say:
+
+1.  at the last exact stop of its second half, if there is one; the program's end is one;
+2.  inside the last tube, ``OVERLAP`` knots before its end as far as it is known: the next part's tube begins there with the
+    same position and three derivatives;
+3.  before that tube, where it has too few knots;
+4.  else beyond the last corner, at the end of the last tube, or between two blocks that go on smoothly.
+
+A part that would have no length is built again with twice as many blocks.  Each is measured within the tolerance, together
+with the end of the part before it, since the point of the path nearest to a programmed one may lie there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.errors import SolverError
+from planner.geometry.curve import FloatArray
+from planner.limits import Limits
+from planner.programs.corners import Junction, Junctions, classify
+from planner.programs.deviation import Deviation, deviation
+from planner.programs.path import _MARGIN, _SHORT_REST, Blocks, _assemble, _stretches
+from planner.programs.program import Program
+from planner.programs.run import Run, cut_run
+from planner.programs.stretch import OVERLAP, Fitted, Stretch, fit
+
+_HISTORY, _AHEAD = 3, 3  # blocks that decide what a junction becomes, on either side
+_FIRST_BLOCKS, _FEWEST_BLOCKS, _MOST_BLOCKS = 4000, 500, 20_000
+_WANTED_KNOTS = 1800.0  # of the tubes of a part
+_FEWEST_KNOTS = 2 * OVERLAP  # of a tube that is cut
+_DEFERRED = 4.0  # tolerances before a cut that are measured with the next part: twice the tangential slip
+_KEPT = 8.0  # mm of a part that are kept to measure the next one
+_MOST_TRIES, _NARROWER = 4, 0.999
+_COLUMNS = (
+    "line", "kind", "start", "end", "centre", "normal", "sweep", "feed", "stop_after", "tolerance", "naive_tolerance"
+)  # fmt: skip
+_BESIDE = 1e-7  # mm; a junction this near to the start of a part belongs to the part before
+
+
+@dataclass(frozen=True, eq=False)
+class Cursor:
+    """Where a part begins, and how.
+
+    Attributes
+    ----------
+    row : int
+        Move of the program that it begins in.
+    offset : float
+        How far along it, mm.
+    entry : (4, dim) array or None
+        Position and three derivatives there, inside a tube.
+    rests : bool
+        The path is at rest there.
+    blocks : int
+        How many blocks to look at.
+    tail : Run or None
+        The end of the part before it.
+    deferred : float
+        Tolerance of the last ``_DEFERRED`` tolerances before it, which have not been measured; 0 if all has been.
+    """
+
+    row: int
+    offset: float
+    entry: FloatArray | None
+    rests: bool
+    blocks: int
+    tail: Run | None
+    deferred: float
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A part of the path: the run, whether the path rests at its end, and what was measured.
+
+    ``deviation`` is in mm, ``share`` against the tolerance in force, ``deviation_row`` the move it was found at;
+    ``stops`` are exact stops that nobody asked for: the row before each, and why.
+    """
+
+    run: Run
+    rests: bool
+    deviation: float
+    share: float
+    deviation_row: int
+    stops: tuple[tuple[int, str], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class PathSource:
+    """A program, and what its path depends on besides: axes that move, the tolerance in place of its own, limits."""
+
+    program: Program
+    moves: NDArray[np.bool_]
+    tolerance: float | None
+    limits: Limits
+
+    def start(self) -> Cursor:
+        """The cursor before the first part."""
+        first = int(np.flatnonzero(self.program.lengths > 0.0)[0])
+        return Cursor(first, 0.0, None, True, _FIRST_BLOCKS, None, 0.0)
+
+    def part(self, cursor: Cursor) -> tuple[Part, Cursor | None]:
+        """Build the part at a cursor; with it comes the cursor of the next one, None at the end of the program."""
+        count = cursor.blocks
+        while True:
+            view = _View.of(self, cursor, count)
+            share = 1.0
+            for _ in range(_MOST_TRIES):
+                pieces = view.fit(share)
+                if pieces is None:
+                    break
+                part = _measured(view, pieces)
+                if part.share <= 1.0:
+                    return part, _next(view, pieces, part)
+                share *= _NARROWER / part.share
+            else:
+                line = self.program.line[part.deviation_row]
+                raise SolverError(
+                    f"{self.program.source}:{line}: the path leaves the tolerance by {part.share - 1.0:.2g} of it; give a "
+                    "larger one"
+                )
+            count *= 2
+
+
+@dataclass(frozen=True, eq=False)
+class _Pieces:
+    """What was fitted: junctions, tubes in order, reasons of stops, where the part ends, and whether inside a tube."""
+
+    junctions: Junctions
+    tubes: list[Fitted]
+    reasons: dict[int, str]
+    end: float
+    inside: bool
+
+
+@dataclass(frozen=True, eq=False)
+class _View:
+    """The blocks in sight of a cursor: from ``first``, a row of the program, the part beginning at ``start``, mm."""
+
+    source: PathSource
+    cursor: Cursor
+    first: int
+    blocks: Blocks
+    start: float
+    is_last: bool
+
+    @classmethod
+    def of(cls, source: PathSource, cursor: Cursor, count: int) -> _View:
+        """Take ``count`` blocks from the cursor on."""
+        size = len(source.program)
+        first, last = max(cursor.row - _HISTORY, 0), min(cursor.row + count, size)
+        blocks = Blocks.of(rows_of(source.program, first, last), source.tolerance, source.moves)
+        at = int(np.searchsorted(blocks.row, cursor.row - first))
+        start = float(blocks.programmed.edges[at]) + cursor.offset
+        return cls(source, cursor, first, blocks, start, last == size)
+
+    @property
+    def edges(self) -> FloatArray:
+        """Abscissae of the blocks."""
+        return self.blocks.programmed.edges
+
+    @property
+    def known(self) -> float:
+        """Up to here the blocks in sight decide."""
+        edges = self.edges
+        if self.is_last:
+            return float(edges[-1])
+        return float(min(edges[-1] - 2.0 * _MARGIN - _SHORT_REST, edges[max(edges.size - 1 - _AHEAD, 0)]))
+
+    def fit(self, share: float) -> _Pieces | None:
+        """Fit the tubes with a share of their tolerance; None where the part would have no length."""
+        blocks, limits = self.blocks, self.source.limits
+        junctions = classify(blocks.programmed, blocks.tolerance, blocks.stop)
+        s = self.edges[1:-1]
+        halts = s[(junctions.kind == Junction.STOP) & (s > self.start + _BESIDE) & (s <= self.known)]
+        end = float(halts[-1]) if halts.size and halts[-1] > 0.5 * (self.start + self.known) else np.inf
+        end = float(self.edges[-1]) if self.is_last else end
+        reasons: dict[int, str] = {}
+        tubes: list[Fitted] = []
+        inside = False
+        feed = np.where(blocks.rapid, np.inf, np.minimum(blocks.feed, limits.feed))
+        todo = self._entered(_stretches(blocks, junctions, self.start + _BESIDE), junctions, np.inf)[::-1]
+        while todo:
+            stretch = todo.pop()
+            if stretch.start >= end - _BESIDE:
+                break
+            is_open = stretch.end > self.known and not self.is_last and np.isinf(end)
+            if is_open and _knots(stretch) < _FEWEST_KNOTS:
+                end = stretch.start
+                break
+            narrowed = replace(stretch, tolerance=share * stretch.tolerance)
+            fitted = replace(fit(narrowed, blocks.programmed, limits, feed), tolerance=stretch.tolerance)
+            if fitted.deviation > narrowed.tolerance:
+                todo += self._split(stretch, fitted, junctions, reasons)[::-1]
+                continue
+            if is_open:
+                fitted = fitted.up_to(fitted.knots.size - 1 - OVERLAP)
+                end, inside = float(fitted.knots[-1]), True
+            tubes.append(fitted)
+            if is_open:
+                break
+        if np.isinf(end):
+            end = self._last_cut(junctions, tubes)
+        if (
+            end <= self.start + _SHORT_REST
+            and not self.is_last
+            and not (s[junctions.kind == Junction.STOP] == end).any()
+        ):
+            return None
+        return _Pieces(junctions, tubes, reasons, end, inside)
+
+    def _entered(self, stretches: list[Stretch], junctions: Junctions, last: float) -> list[Stretch]:
+        """Let the first stretch begin as the part before ended."""
+        start, entry = self.start, self.cursor.entry
+        first = stretches[0] if stretches else None
+        if entry is None:
+            if first is not None and first.start < start + _SHORT_REST:
+                first = replace(first, stops=(self.cursor.rests, first.stops[1])).part(start, first.end, None)
+                first = replace(first, start=start)
+                return [first, *stretches[1:]]
+            return stretches
+        s, reach = self.edges[1:-1], junctions.reach
+        fences = np.flatnonzero((junctions.kind >= Junction.CORNER) & (s > start + _BESIDE))
+        fence = float(s[fences[0]] - reach[fences[0]]) if fences.size else float(self.edges[-1])
+        halts = bool(fences.size == 0 or junctions.kind[fences[0]] == Junction.STOP)
+        if first is not None and first.start < fence:
+            first = replace(first, start=start, stops=(False, first.stops[1])).part(start, first.end, entry)
+            return [first, *stretches[1:]]
+        end = min(fence, start + 2.0 * _MARGIN, last)
+        none = np.empty(0)
+        index = int(np.clip(np.searchsorted(self.edges, start, side="right") - 1, 0, self.edges.size - 2))
+        tolerance = float(self.blocks.tolerance[index])
+        bridge = Stretch(start, end, (False, halts and end == fence), none, none, none, none, tolerance, entry)
+        return [bridge, *stretches]
+
+    def _split(self, stretch: Stretch, fitted: Fitted, junctions: Junctions, reasons: dict[int, str]) -> list[Stretch]:
+        """Put an exact stop where a tube cannot be kept within tolerance; returns what is left of its stretch."""
+        s = self.edges[1:-1]
+        inner = np.flatnonzero((junctions.kind == Junction.TUBE) & (s > stretch.start + _BESIDE) & (s < stretch.end))
+        if inner.size == 0:
+            line = self.source.program.line[self.cursor.row]
+            raise SolverError(
+                f"{self.source.program.source}:{line}: the path cannot go on within the tolerance; give a larger one"
+            )
+        at = int(inner[np.argmin(np.abs(s[inner] - fitted.abscissa))])
+        junctions.kind[at] = Junction.STOP
+        reasons[at] = f"the tube would leave the tolerance by {1e3 * (fitted.deviation - stretch.tolerance):.3g} um"
+        left = _stretches(self.blocks, junctions, max(stretch.start, self.start + _BESIDE), stretch.end)
+        return self._entered(left, junctions, stretch.end) if stretch.start == self.start else left
+
+    def _last_cut(self, junctions: Junctions, tubes: list[Fitted]) -> float:
+        """The last place up to which all is known and at which the path is on a block."""
+        s = self.edges[1:-1]
+        fences = junctions.kind >= Junction.CORNER
+        places = np.concatenate([s[fences] + junctions.reach[fences], s[junctions.kind == Junction.SMOOTH]])
+        taken = zip((s - junctions.reach)[fences], (s + junctions.reach)[fences], strict=True)
+        busy = [(float(a), float(b)) for a, b in taken]
+        busy += [(float(tube.knots[0]), float(tube.knots[-1])) for tube in tubes]
+        places = np.unique(np.append(places, [tube.knots[-1] for tube in tubes]))
+        places = places[(places > self.start) & (places <= self.known)]
+        if busy:
+            lo, hi = (np.array(ends) for ends in zip(*sorted(busy), strict=True))
+            before = np.searchsorted(lo, places, side="left") - 1
+            places = places[(before < 0) | (places >= np.maximum.accumulate(hi)[np.maximum(before, 0)])]
+        return float(places[-1]) if places.size else self.start
+
+
+def _knots(stretch: Stretch) -> int:
+    from planner.programs import knots as knotting
+
+    return int(knotting.place(stretch.start, stretch.end, stretch.at, stretch.spacing, stretch.sharp).size)
+
+
+def _measured(view: _View, pieces: _Pieces) -> Part:
+    """Assemble the part and measure it."""
+    blocks, cursor = view.blocks, view.cursor
+    curve, _, s_edges = _assemble(blocks, pieces.junctions, pieces.tubes)
+    feed = blocks.feed
+    run = cut_run(curve, s_edges, (view.edges, feed, 0), view.start, pieces.end)
+    run = replace(run, row=blocks.row[run.row] + view.first)
+    joined, u_edges = run.curve, run.s + view.start
+    if cursor.tail is not None:
+        whole = cursor.tail.joined(run, rests=cursor.rests)
+        joined, u_edges = whole.curve, whole.s - cursor.tail.s[-1] + view.start
+    lo, hi, tolerance = _measured_places(view, pieces)
+    found, largest = Deviation(0.0, view.start, 0.0, 0.0), 0.0
+    widest = max([0.0, *(float(np.diff(tube.knots).max()) for tube in pieces.tubes)])
+    widest = max(widest, float(pieces.junctions.reach.max(initial=0.0)))
+    for value in np.unique(tolerance):
+        some = np.flatnonzero(tolerance == value)
+        measured = deviation(
+            joined, blocks.programmed, joined.edges, u_edges, 8.0 * value + 2.0 * widest, where=(lo[some], hi[some])
+        )
+        found = max(found, measured, key=lambda item: item.largest)
+        largest = max(largest, measured.largest / float(value))
+    at = int(np.clip(np.searchsorted(view.edges, found.abscissa, side="right") - 1, 0, blocks.row.size - 1))
+    s = view.edges[1:-1]
+    rests = bool(view.is_last or (s[pieces.junctions.kind == Junction.STOP] == pieces.end).any())
+    stops = tuple(
+        (int(blocks.row[k]) + view.first, reason)
+        for k, reason in sorted(pieces.reasons.items())
+        if view.start < s[k] <= pieces.end
+    )
+    return Part(run, rests, found.largest, largest, int(blocks.row[at]) + view.first, stops)
+
+
+def _measured_places(view: _View, pieces: _Pieces) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Abscissae between which the part is not the program itself, and the tolerance there; in order."""
+    junctions, s = pieces.junctions, view.edges[1:-1]
+    reach, own = junctions.reach, view.blocks.tolerance
+    corners = np.flatnonzero(
+        (junctions.kind == Junction.CORNER) & (s - reach >= view.start - _BESIDE) & (s + reach <= pieces.end + _BESIDE)
+    )
+    places = [(s[k] - reach[k], s[k] + reach[k], min(own[k], own[k + 1])) for k in corners]
+    for tube in pieces.tubes:
+        ends = tube.knots[-1]
+        if pieces.inside and ends == pieces.end:
+            ends -= _DEFERRED * tube.tolerance
+        places.append((tube.knots[0], ends, tube.tolerance))
+    if view.cursor.deferred > 0.0:
+        places.append((view.start - _DEFERRED * view.cursor.deferred, view.start, view.cursor.deferred))
+    if not places:
+        return np.empty(0), np.empty(0), np.empty(0)
+    lo, hi, tolerance = (np.array(column, dtype=np.float64) for column in zip(*sorted(places), strict=True))
+    return lo, hi, tolerance
+
+
+def _next(view: _View, pieces: _Pieces, part: Part) -> Cursor | None:
+    """The cursor at the end of a part."""
+    if view.is_last:
+        return None
+    edges = view.edges
+    block = int(np.searchsorted(edges, pieces.end + _BESIDE, side="right")) - 1
+    knots = sum(tube.knots.size for tube in pieces.tubes)
+    wanted = part.run.row.size * _WANTED_KNOTS / knots if knots else _MOST_BLOCKS
+    run = part.run
+    first = int(np.searchsorted(run.curve.edges, run.length - _KEPT, side="right")) - 1
+    return Cursor(
+        row=int(view.blocks.row[block]) + view.first,
+        offset=max(0.0, pieces.end - float(edges[block])),
+        entry=pieces.tubes[-1].end_derivatives() if pieces.inside else None,
+        rests=part.rests,
+        blocks=int(np.clip(wanted, _FEWEST_BLOCKS, _MOST_BLOCKS)),
+        tail=run.pieces(max(first, 0), run.curve.kind.size),
+        deferred=pieces.tubes[-1].tolerance if pieces.inside else 0.0,
+    )
+
+
+def rows_of(program: Program, first: int, last: int) -> Program:
+    """The moves from ``first`` to before ``last``, without events."""
+    columns = {name: getattr(program, name)[first:last] for name in _COLUMNS}
+    return replace(program, **columns, events=())
