@@ -484,3 +484,13 @@ def test_an_axis_without_a_jerk_limit_may_begin_beside_one_that_has_it() -> None
     profile = plan_feedrate(ellipse, limits)
     assert profile.duration < 1.015 * profile.lower_bound
     assert check(ellipse, limits, profile).ok
+
+
+def test_corners_without_any_jerk_limit_are_left_at_full_acceleration() -> None:
+    limits = plane(jerk=[np.inf] * 2)
+    profile = plan_feedrate(square(20.0), limits, intervals=400)
+    report = check(square(20.0), limits, profile)
+    assert report.ok, str(report)
+    assert profile.duration == pytest.approx(4.0 * (20.0 / 100.0 + 100.0 / 1000.0), rel=2e-3)
+    half = plane(jerk=[np.inf, 20000.0])
+    assert not check(square(20.0), half, profile).ok

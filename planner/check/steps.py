@@ -113,7 +113,7 @@ def _jerk_near(motion: Motion, scan: Scan, t: FloatArray, reach: float, density:
 
 
 def check_corners(motion: Motion, scan: Scan, limits: Limits, rows: Rows) -> None:
-    """At a corner of the path the plan must stand still, with no acceleration on either side."""
+    """At a corner the plan must stand still, with no acceleration on either side of axes that have a jerk limit."""
     dim = motion.curve.dim
     corners = [b.u for b in motion.curve.breaks if b.geometric == 0]
     before = np.flatnonzero(np.isin(motion.u_ends[1, :-1], corners))
@@ -133,6 +133,9 @@ def check_corners(motion: Motion, scan: Scan, limits: Limits, rows: Rows) -> Non
         own = group_sizes(motion.curve, scan.largest[axis_rows(dim, k)])
         slack = share * np.where(np.isfinite(allowed), allowed, own)
         used = np.divide(values[k], slack[:, None], out=np.zeros_like(values[k]), where=slack[:, None] > 0.0)
+        if k == 1:
+            used[np.isinf(limits.jerk)] = 0.0  # an axis without a jerk limit may leave a stop at full acceleration
         j, where = (int(index) for index in np.unravel_index(used.argmax(), used.shape))
         place = (float(motion.time(span[[where]], x[[where]])[0]), float(motion.u_ends[1, before[where % before.size]]))
-        rows.add(name, values[k][j, where], 0.0, place, slack=slack[j], unit=motion.curve.axis_units[j] + power)
+        worst = values[k][j, where] if used[j, where] > 0.0 else 0.0
+        rows.add(name, worst, 0.0, place, slack=slack[j], unit=motion.curve.axis_units[j] + power)
