@@ -63,6 +63,24 @@ def test_every_quantity_follows_from_the_chain_rule(motion):
     assert (values[REVERSAL] == -rates[0]).all()
 
 
+def test_the_slack_along_the_tip_is_that_of_all_terms(motion):
+    """|.| of what the sizes of all terms gain, and for the jerk what the turning of the tangent gains besides."""
+    span = np.arange(motion.interval.size)
+    x = motion.grid(span, 7)
+    d, p, cartesian, rates, _ = motion.states(span, x)
+    error = np.tile([1e-3, 1e-2, 1e-1], (span.size, 1))
+    values, slack = np.empty((2, len(names(motion.curve.dim)), *x.shape))
+    kernels.measure(d, p, cartesian, rates, error, values, slack)
+    high = np.abs(rates) + error.T[:, :, None]
+    expected = np.linalg.norm(chained(np.abs(p), high) - chained(np.abs(p), np.abs(rates)), axis=-1)
+    speed = np.linalg.norm(p[1], axis=-1)
+    tangent = p[1] / speed[:, None]
+    across = p[2] - np.sum(p[2] * tangent, axis=-1)[:, None] * tangent
+    turn = (np.sum(across**2, axis=-1) / speed).reshape(x.shape)
+    expected[2] += turn * (high[0] ** 3 - np.abs(rates[0]) ** 3)
+    assert slack[:3] == pytest.approx(expected, rel=1e-9)
+
+
 def test_slack_is_what_errors_of_the_rates_can_change(motion):
     """Shifting u', u'' and u''' by their slack, in every combination of signs, moves no value by more, and one by it."""
     span = np.arange(motion.interval.size)

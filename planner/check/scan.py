@@ -69,7 +69,7 @@ def worst_of(motion: Motion, scan: Scan, density: int) -> Iterator[tuple[str, in
 
     def height(x: FloatArray) -> FloatArray:
         values, slack = motion.measure(span, x)
-        return np.asarray(_used(sizes_of(values)[quantity, every], slack[quantity, every]))
+        return _used(sizes_of(values)[quantity, every], slack[quantity, every])
 
     lower, upper = motion.lower[span], motion.upper[span]
     x = zoom(height, scan.top_x.reshape(-1), (upper - lower) / (density - 1), lower, upper)[:, None]
@@ -82,10 +82,9 @@ def worst_of(motion: Motion, scan: Scan, density: int) -> Iterator[tuple[str, in
 
 
 def _used(sizes: FloatArray, slack: FloatArray) -> FloatArray:
-    """Size less slack; what overflows double precision is beyond every limit, whatever is granted there."""
+    """Size less slack; where both overflow it is no number, which argmax takes for the highest, as it should be."""
     with np.errstate(invalid="ignore"):
-        less = sizes - slack
-    return np.where(less < np.inf, less, np.inf)
+        return np.asarray(sizes - slack)
 
 
 def programmed_feed(motion: Motion, density: int) -> tuple[float, float, tuple[float, float]]:

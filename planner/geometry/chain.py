@@ -18,12 +18,11 @@ from numpy.typing import NDArray
 from planner.errors import CurveError
 from planner.geometry.blend import Blends, Legs
 from planner.geometry.curve import Break, Curve, FeedCaps, FloatArray, Pieces, Side, axis_names, continuity
-from planner.geometry.fit import _interpolate as interpolate
+from planner.geometry.fit import interpolate
 
-_FIT_TOLERANCE = 1e-14  # of the extent
+_FIT_TOLERANCE = 1e-13  # of the unit tangent
 _MAX_HALVINGS = 24
 _PROBES = 24
-_NOISE = 8.0 * np.finfo(np.float64).eps
 
 
 class Kind(IntEnum):
@@ -91,9 +90,12 @@ class ChainCurve(Curve):
 
     def _evaluate(self, u: FloatArray, order: int, side: Side) -> FloatArray:
         piece = np.clip(np.searchsorted(self.edges, u, side=side) - 1, 0, self.kind.size - 1)
-        x = u - self.edges[piece]
+        return self._on_pieces(piece, u - self.edges[piece])[: order + 1]
+
+    def _on_pieces(self, piece: NDArray[np.intp], x: FloatArray) -> FloatArray:
+        """Position and three derivatives, (4, n, dim), at the distances x (n,) from the starts of pieces."""
         kind, row = self.kind[piece], self.row[piece]
-        out = np.empty((4, u.size, self.dim))
+        out = np.empty((4, x.size, self.dim))
         on = np.flatnonzero(kind == Kind.LEG)
         if on.size:
             out[:, on] = self.legs.at(row[on], self.offset[piece[on]] + x[on])
@@ -104,7 +106,7 @@ class ChainCurve(Curve):
         if on.size:
             width = (self.edges[piece[on] + 1] - self.edges[piece[on]])[:, None]
             out[:, on] = span_derivatives(self.spans[row[on]], x[on, None] / width, width)
-        return out[: order + 1]
+        return out
 
     def _candidate_breaks(self) -> FloatArray:
         return np.union1d(self.edges[1:-1], self.marks)
@@ -120,10 +122,10 @@ class ChainCurve(Curve):
 
     @cached_property
     def pieces(self) -> Pieces:
-        """Polynomial pieces: exact for lines and spans, fitted to 1e-14 of the extent for arcs and blends."""
+        """Polynomial pieces: exact for lines and spans; for arcs and blends the tangent is fitted to 1e-13."""
         curved = np.flatnonzero(self._is_curved)
         plain = np.flatnonzero(~self._is_curved)
-        fitted = _fit(self, self.edges[curved], self.edges[curved + 1])
+        fitted = _fit(self, curved)
         degree = max(4, fitted[1].shape[2] - 1) if curved.size else 4
         starts = np.concatenate([self.edges[plain], fitted[0]])
         powers = np.zeros((starts.size, self.dim + 1, degree + 1))
@@ -180,22 +182,28 @@ def span_derivatives(powers: FloatArray, w: FloatArray, width: FloatArray) -> Fl
     )
 
 
-def _fit(curve: ChainCurve, lo: FloatArray, hi: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Polynomials on [lo, hi], halved until they are within tolerance: starts (k,) and ascending powers (k, dim, p + 1)."""
-    tolerance = np.full(curve.dim, 0.0)
-    if lo.size:
-        scan = curve.derivatives(curve.edges, 0)[0]
-        largest = float(np.abs(scan).max())
-        rounding = _NOISE * largest + 2.0 * float(np.spacing(np.abs(curve.edges).max()))
-        tolerance = np.full(curve.dim, _FIT_TOLERANCE * float(np.ptp(scan, axis=0).max()) + rounding)
+def _fit(curve: ChainCurve, pieces: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
+    """Polynomials on these pieces, halved until within tolerance: starts (k,) and ascending powers (k, dim, p + 1).
+
+    Fitted is the tangent, over the distance from the start of the piece, and integrated: a blend of micrometres far from
+    the origin has no digits to spare in its position, and a third derivative needs them.
+    """
+    piece, lo, hi = pieces, np.zeros(pieces.size), curve.edges[pieces + 1] - curve.edges[pieces]
     starts, powers = [np.empty(0)], []
     for halving in range(_MAX_HALVINGS):
-        if lo.size == 0:
+        if piece.size == 0:
             break
-        power, error = interpolate(curve, lo, hi, _PROBES)
-        good = (error <= tolerance).all(axis=1) | (halving == _MAX_HALVINGS - 1)
-        starts.append(lo[good])
-        powers.append(power[good].transpose(0, 2, 1))
+
+        def tangent(x: FloatArray, piece: NDArray[np.intp] = piece) -> FloatArray:
+            return curve._on_pieces(np.repeat(piece, x.shape[1]), x.reshape(-1))[1].reshape(*x.shape, -1)
+
+        power, error = interpolate(tangent, lo, hi, _PROBES)
+        good = (error <= _FIT_TOLERANCE).all(axis=1) | (halving == _MAX_HALVINGS - 1)
+        begin = curve._on_pieces(piece[good], lo[good])[0]
+        integral = power[good] * (hi - lo)[good, None, None] / np.arange(1.0, power.shape[1] + 1.0)[:, None]
+        starts.append(curve.edges[piece[good]] + lo[good])
+        powers.append(np.concatenate([begin[:, None], integral], axis=1).transpose(0, 2, 1))
         mid = 0.5 * (lo + hi)[~good]
+        piece = np.tile(piece[~good], 2)
         lo, hi = np.concatenate([lo[~good], mid]), np.concatenate([mid, hi[~good]])
     return np.concatenate(starts), np.concatenate(powers) if powers else np.empty((0, curve.dim, 5))

@@ -6,6 +6,7 @@ piece is halved until every coordinate is within tolerance between the points, m
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import comb
 
 import numpy as np
@@ -53,7 +54,7 @@ def fit_pieces(curve: Curve) -> Pieces:
     probes = _SCAN_POINTS // lo.size
     before = np.full(lo.size, np.inf)  # error of the piece that each was halved from
     for _ in range(_MAX_HALVINGS):
-        power, error = _interpolate(curve, lo, hi, max(probes, 2 * _DEGREE))
+        power, error = interpolate(lambda u: curve.derivatives(u, 0)[0], lo, hi, max(probes, 2 * _DEGREE))
         # an axis that stands still has neither error nor tolerance
         excess = np.nan_to_num(error / np.maximum(tolerance, np.finfo(float).tiny), nan=np.inf)
         largest = excess.max(axis=1)
@@ -115,12 +116,17 @@ def _tolerances(curve: Curve) -> FloatArray:
     return np.asarray(np.maximum(_TOLERANCE * common + noise, least))
 
 
-def _interpolate(curve: Curve, lo: FloatArray, hi: FloatArray, probes: int) -> tuple[FloatArray, FloatArray]:
-    """Interpolate on the pieces [lo, hi]: ascending powers (m, degree + 1, dim), and the largest errors (m, dim)."""
+def interpolate(
+    values: Callable[[FloatArray], FloatArray], lo: FloatArray, hi: FloatArray, probes: int
+) -> tuple[FloatArray, FloatArray]:
+    """Interpolate ``values`` on the pieces [lo, hi]: ascending powers (m, degree + 1, dim), largest errors (m, dim).
+
+    ``values`` maps parameters (m, k), a row for each piece, to (m, k, dim).
+    """
     w = 0.5 - 0.5 * np.cos(np.pi * (np.arange(probes) + 0.5) / probes)
     # A point computed as lo + 1.0 * width may miss hi by a rounding and fall outside the domain.
     at = np.minimum(lo[:, None] + (hi - lo)[:, None] * np.concatenate([_NODES, w]), hi[:, None])
-    exact = curve.derivatives(at, 0)[0]
+    exact = values(at)
     with np.errstate(invalid="ignore", over="ignore"):
         # In two steps: the entries of the one matrix for both, some 1e6, would bring their rounding with them.
         series = np.einsum("ij,njd->nid", _nodes_to_series(), exact[:, : _DEGREE + 1])
