@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from planner.programs.program import Program
     from planner.programs.reader import read_program
     from planner.programs.times import LineTimes, line_times
+    from planner.programs.windows import ProgramPlan, plan_program
     from planner.programs.written import write_program
     from planner.report import write_report
     from planner.tables import read_table, table_limits, write_table
@@ -60,6 +61,7 @@ __all__ = [
     "ProfileStates",
     "Program",
     "ProgramPath",
+    "ProgramPlan",
     "Report",
     "Row",
     "Samples",
@@ -73,6 +75,7 @@ __all__ = [
     "load_curve",
     "load_limits",
     "plan_feedrate",
+    "plan_program",
     "program_path",
     "read_dxf",
     "read_points",
@@ -103,6 +106,7 @@ _HOME = {
     "programs.program": ("Program",),
     "programs.reader": ("read_program",),
     "programs.times": ("LineTimes", "line_times"),
+    "programs.windows": ("ProgramPlan", "plan_program"),
     "programs.written": ("write_program",),
     "tables": ("read_table", "table_limits", "write_table"),
 }

@@ -27,6 +27,7 @@ PROGRAM_SUFFIXES = (".ngc", ".nc", ".tap")
 # Of the tolerance, where a program is written too: the path takes this, and the lines of the program the rest.
 PATH_SHARE = 0.75
 DEFAULT_TOLERANCE = 0.01  # mm
+_LONG = 20_000  # moves
 _POINTS_TOLERANCE = 1e-3  # mm, of the points of a CSV file
 _TOLERANCE_KEY, _SHARE_KEY = "path_tolerance_mm", "path_share"
 _OWN = "P words"
@@ -131,6 +132,12 @@ def load_part(
         _require_scale(source, scale)
         limits = _changed(load_limits(machine or "mill"), feed, period)
         program = read_program(source)
+        if len(program) > _LONG:
+            typer.echo(
+                f"{source}: {len(program)} moves are planned as a whole here, which takes memory; "
+                "feedplan windows plans any number",
+                err=True,
+            )
         return _part(source, program, limits, machine or "mill (example machine)", tolerance, share)
     plain = _load_plain(source, scale, tolerance, share)
     example = "five-axis" if ROTARY_AXES & set(plain.curve.axes) else "mill"
