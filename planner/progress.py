@@ -17,7 +17,13 @@ _LOADING = 2.5  # s; compiled kernels load within one, to compile them takes som
 
 
 # What planning, checking and replaying a curve need; other commands name theirs beside these.
-PLAN_KERNELS = ("planner.geometry.kernels", "planner.kernels", "planner.solvers.kernels", "interp.kernels")
+PLAN_KERNELS = (
+    "planner.geometry.kernels",
+    "planner.kernels",
+    "planner.solvers.kernels",
+    "planner.check.kernels",
+    "interp.kernels",
+)
 
 
 class ProgressLine:

@@ -124,7 +124,7 @@ def sample_chord(curve: Curve, samples: Samples, u: FloatArray, density: int) ->
 
     highest = Highest()
     for k in chunks(begin.size, density):
-        height, at = _heights(between(k, grid).reshape(-1, tip.dim), density, density - 1, k.size)
+        height, at = _heights(between(k, grid).reshape(k.size * density, tip.dim), density, density - 1, k.size)
         highest.offer(height, k, grid[at])
     top = highest.index
     half = np.full(top.size, 1.0 / (density - 1))

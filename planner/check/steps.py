@@ -137,5 +137,5 @@ def check_corners(motion: Motion, scan: Scan, limits: Limits, rows: Rows) -> Non
             used[np.isinf(limits.jerk)] = 0.0  # an axis without a jerk limit may leave a stop at full acceleration
         j, where = (int(index) for index in np.unravel_index(used.argmax(), used.shape))
         place = (float(motion.time(span[[where]], x[[where]])[0]), float(motion.u_ends[1, before[where % before.size]]))
-        worst = values[k][j, where] if used[j, where] > 0.0 else 0.0
+        worst = 0.0 if used[j, where] == 0.0 else values[k][j, where]
         rows.add(name, worst, 0.0, place, slack=slack[j], unit=motion.curve.axis_units[j] + power)
