@@ -246,19 +246,19 @@ def plan_section(
         wanted = most
     section = with_blends(section, guess)
     task = Task(section, limits, guess, method, periodic, deadline, progress)
-    attempt: Attempt | None = None
-    if method == "optimal":
-        coarse = Stage.on(task, place_knots(section, guess, max(MIN_INTERVALS, wanted // _COARSER)))
-        # What is attainable may be out of reach of the coarse grid; the fine one then begins without it.
-        with suppress(InfeasibleError):
-            attempt = replace(coarse.solve(task, None, _COARSE_GAP), waypoint=None)
-        del coarse  # a long path needs the memory
+    attempt = _coarse(task, max(MIN_INTERVALS, wanted // _COARSER)) if method == "optimal" else None
     stage = Stage.on(task, place_knots(section, guess, wanted))
     spent = attempt.stats["solve_cpu_s"] if attempt else 0.0
     first = 0.0
     best: SectionPlan | None = None
     for round_ in range(_MAX_ROUNDS):
-        attempt = stage.solve(task, attempt)
+        try:
+            attempt = stage.solve(task, attempt)
+        except (InfeasibleError, SolverError) as error:
+            if best is None:
+                raise
+            notes.append(f"refinement ended after {round_} rounds: {error}")
+            break
         spent += attempt.stats["solve_cpu_s"]
         first = first or spent
         nodes = attempt.law.nodes(stage.path)
@@ -276,15 +276,29 @@ def plan_section(
         stage, attempt = stage.next(task, attempt, used, may_split=may_split)
     if best is None:
         raise SolverError("no round of refinement was run")
+    _require_met(task, best)
+    best.stats["solve_cpu_s"], best.stats["first_solve_cpu_s"] = spent, first
+    bound = without_jerk(section, limits, stage.grid)[1]
+    return replace(best, lower_bound=min(bound, float(best.nodes.t[-1])))
+
+
+def _coarse(task: Task, intervals: int) -> Attempt | None:
+    """Solve on a coarse grid; what is attainable may be out of its reach, and the fine one then begins without it."""
+    with suppress(InfeasibleError):
+        stage = Stage.on(task, place_knots(task.section, task.guess, intervals))
+        return replace(stage.solve(task, None, _COARSE_GAP), waypoint=None)
+    return None
+
+
+def _require_met(task: Task, best: SectionPlan) -> None:
+    """Refuse a plan that exceeds its limits and cannot be slowed down, since its feeds are prescribed."""
     if task.prescribed and best.stats["slowdown"] > _ALMOST_MET:
+        section = task.section
         raise SolverError(
             f"the plan from start_feed = {section.start_feed or 0.0:g} to end_feed = {section.end_feed or 0.0:g} mm/s "
             f"still exceeds its limits, {best.stats['slowdown']:.6g} times as fast as allowed; try other feeds or more "
             "intervals"
         )
-    best.stats["solve_cpu_s"], best.stats["first_solve_cpu_s"] = spent, first
-    bound = without_jerk(section, limits, stage.grid)[1]
-    return replace(best, lower_bound=min(bound, float(best.nodes.t[-1])))
 
 
 def _run(

@@ -25,6 +25,7 @@ from planner import (
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
 from planner.plots import plot_plan, save_plot
+from planner.solvers import optimal
 
 # s at 100 and 300 mm/s: three independent solvers agree within 1e-4; without jerk limit by toppra
 OPTIMA = {
@@ -494,3 +495,24 @@ def test_corners_without_any_jerk_limit_are_left_at_full_acceleration() -> None:
     assert profile.duration == pytest.approx(4.0 * (20.0 / 100.0 + 100.0 / 1000.0), rel=2e-3)
     half = plane(jerk=[np.inf, 20000.0])
     assert not check(square(20.0), half, profile).ok
+
+
+def test_a_round_that_fails_leaves_the_plan_before_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The solver gives up in the second round: the first one's plan, slowed down, and the reason."""
+    curve, limits = load_curve("butterfly", scale=10.0), plane()
+    whole = plan_feedrate(curve, limits, intervals=300)
+    assert whole.stats["rounds"] > 1
+    solve, calls = optimal.solve, []
+
+    def failing(*args: Any, **options: Any) -> Any:
+        calls.append(1)
+        if len(calls) == 3:  # coarse, fine, and the round after it
+            raise SolverError("planted")
+        return solve(*args, **options)
+
+    monkeypatch.setattr(optimal, "solve", failing)
+    profile = plan_feedrate(curve, limits, intervals=300)
+    assert profile.stats["rounds"] == 1
+    assert "refinement ended after 1 rounds: planted" in profile.stats["notes"]
+    assert whole.duration < profile.duration < 1.02 * whole.duration
+    assert check(curve, limits, profile).ok
