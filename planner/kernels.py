@@ -75,7 +75,9 @@ def _grant(q, tip, digit, h, feed, per_limit, scalars, out):
 
 @njit(NOTHING(PIECES, PIECES, FLAG, READ2, READ2, I64, READ2, READ1, WRITE2), cache=True, error_model="numpy")
 def shares(axes, tip, cartesian, quintic, spans, points, rows, scalars, out):
-    """Write the largest share of speed, acceleration and jerk limits used in each interval into ``out (3, n)``.
+    """Write the largest share of speed, acceleration and jerk limits used in each interval into ``out (4, n)``.
+
+    The fourth row is the largest rate at which u falls back, 1/s.
 
     ``axes``, ``tip``: pieces of the machine axes and of the tool tip, the same ones if ``cartesian``.  On interval i the
     parameter u is ``quintic[:, i]`` (ascending powers of the time since its start); ``spans[:, i]`` are its duration, its
@@ -100,7 +102,7 @@ def shares(axes, tip, cartesian, quintic, spans, points, rows, scalars, out):
             quintic[4, i],
             quintic[5, i],
         )
-        out[0, i] = out[1, i] = out[2, i] = 0.0
+        out[0, i] = out[1, i] = out[2, i] = out[3, i] = 0.0
         for n in range(points + 1):
             w = h * n / points
             u = min(max(c0 + w * (c1 + w * (c2 + w * (c3 + w * (c4 + w * c5)))), first), last)
@@ -111,6 +113,7 @@ def shares(axes, tip, cartesian, quintic, spans, points, rows, scalars, out):
             u1 = c1 + w * (2.0 * c2 + w * (3.0 * c3 + w * (4.0 * c4 + w * 5.0 * c5)))
             u2 = 2.0 * c2 + w * (6.0 * c3 + w * (12.0 * c4 + w * 20.0 * c5))
             u3 = 6.0 * c3 + w * (24.0 * c4 + w * 60.0 * c5)
+            out[3, i] = max(out[3, i], -u1)
             # A point that rounds to the end of its stretch must not be read from beyond it.
             left = u >= stretch_end
             piece = point_on_pieces(axes[0], axes[1], axes[2], axes[3], u, left, piece, q)

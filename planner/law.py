@@ -117,12 +117,14 @@ class Utilisation:
     """Largest share of the limits used in each interval between nodes.
 
     ``speed`` (feed, chord, axis velocities), ``acceleration``, ``jerk``: (n - 1,) arrays, 0 for empty intervals.  Beside
-    a curvature jump the share of the jerk is that of what the step leaves of it.
+    a curvature jump the share of the jerk is that of what the step leaves of it.  ``backward``: rate at which u falls back,
+    1/s, where the law changes too much within an interval for a quintic.
     """
 
     speed: FloatArray
     acceleration: FloatArray
     jerk: FloatArray
+    backward: FloatArray
 
     @property
     def slowdown(self) -> FloatArray:
@@ -132,7 +134,7 @@ class Utilisation:
 
 def utilisation(curve: Curve, limits: Limits, nodes: TimeNodes) -> Utilisation:
     """Measure a time law densely between its nodes, in chunks."""
-    out = np.zeros((3, nodes.t.size - 1))
+    out = np.zeros((4, nodes.t.size - 1))
     step = np.diff(nodes.t)
     last = np.append(np.flatnonzero(step <= 0.0), nodes.t.size - 1)
     end = np.repeat(nodes.u[last], np.diff(last, prepend=-1))
@@ -162,7 +164,7 @@ def _beside_steps(curve: Curve, limits: Limits, nodes: TimeNodes) -> NDArray[np.
 def _chunk(
     curve: Curve, limits: Limits, nodes: TimeNodes, index: NDArray[np.intp], end: FloatArray, points: int
 ) -> FloatArray:
-    """Largest shares of the limits used in the intervals ``index``, (3, n), at this many points of each."""
+    """Largest shares of the limits used in the intervals ``index``, and backward rates, (4, n), at this many points."""
     from planner.kernels import shares
 
     h = nodes.t[index + 1] - nodes.t[index]
@@ -176,7 +178,7 @@ def _chunk(
     spans = np.stack([h, nodes.u[index], nodes.u[index + 1], end, digit, feed])
     rows = np.stack([limits.velocity, limits.acceleration, limits.jerk])
     scalars = np.array([limits.chord_error, limits.period, limits.tangential_acceleration, limits.tangential_jerk])
-    out = np.empty((3, index.size))
+    out = np.empty((4, index.size))
     axes, tip = (
         (part.breaks, part.coefficients, part.rational, part.resting) for part in (curve.pieces, curve.tip.pieces)
     )

@@ -94,4 +94,4 @@ def load_kernels(modules: Iterable[str] = PLAN_KERNELS) -> None:
 
 
 def _say_compiling() -> None:
-    print("compiling the kernels (first run only, about 20 s)", file=sys.stderr, flush=True)
+    print("compiling the kernels (first run only, about 30 s)", file=sys.stderr, flush=True)

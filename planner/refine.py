@@ -53,6 +53,7 @@ _MAX_ROUNDS = 6
 # Slowing down is measured at points; the peaks between them are higher by less than this.
 PEAK_MARGIN = 2e-6
 _MET = 1.0 + 2e-8
+_BACKWARD = 5e-10  # of the largest rate of u: slower than that is rounding
 _ALMOST_MET = 1.0 + 1e-6
 _PRESCRIBED_MARGIN = 2e-6
 _CONTINUED_GAIN = 2.0
@@ -206,7 +207,8 @@ class Stage:
     def next(self, task: Task, attempt: Attempt, used: Utilisation, *, may_split: bool) -> tuple[Stage, Attempt]:
         """Refine the grid or tighten the limits where an attempt used too much; and what the next one begins with."""
         if may_split:
-            finer = split(task.section, self.grid, _by_interval(used.slowdown, self.grid) > _ACCEPTED_SLOWDOWN)
+            coarse = (used.slowdown > _ACCEPTED_SLOWDOWN) | (used.backward > 0.0)
+            finer = split(task.section, self.grid, _by_interval(coarse.astype(np.float64), self.grid) > 0.0)
             return Stage.on(task, finer), replace(attempt, waypoint=None)
         # Tightening by the excess leaves up to half of it.  A plan that continues another one, and cannot be slowed down as
         # a whole, is tightened by more: what that costs is little against its reserve.
@@ -251,6 +253,7 @@ def plan_section(
     spent = attempt.stats["solve_cpu_s"] if attempt else 0.0
     first = 0.0
     best: SectionPlan | None = None
+    best_forward = False  # a law that falls back somewhere is only better than none
     for round_ in range(_MAX_ROUNDS):
         try:
             attempt = stage.solve(task, attempt)
@@ -266,13 +269,17 @@ def plan_section(
         slowdown = float(used.slowdown.max())
         kappa = 1.0 if task.prescribed else max(1.0, slowdown * (1.0 + PEAK_MARGIN))
         duration = kappa * float(nodes.t[-1])
-        if best is None or (slowdown < best.stats["slowdown"] if task.prescribed else duration < best.nodes.t[-1]):
+        forward = bool((used.backward <= _BACKWARD * float(np.abs(nodes.u_rate).max())).all())
+        better = best is None or (slowdown < best.stats["slowdown"] if task.prescribed else duration < best.nodes.t[-1])
+        if forward > best_forward or (forward == best_forward and better):
+            best_forward = forward
             stats = {**attempt.stats, "slowdown": slowdown, "rounds": round_ + 1, "notes": notes}
             best = SectionPlan(nodes.dilated(kappa), np.nan, stats)
-        accepted = slowdown <= (_MET if task.prescribed else _ACCEPTED_SLOWDOWN)
+        accepted = forward and slowdown <= (_MET if task.prescribed else _ACCEPTED_SLOWDOWN)
         if accepted or time.perf_counter() > deadline:
             break
-        may_split = slowdown > (_TOO_COARSE if effort.free else _HOPELESS) and stage.grid.intervals < most
+        may_split = not forward or slowdown > (_TOO_COARSE if effort.free else _HOPELESS)
+        may_split &= stage.grid.intervals < most
         stage, attempt = stage.next(task, attempt, used, may_split=may_split)
     if best is None:
         raise SolverError("no round of refinement was run")

@@ -458,4 +458,4 @@ class TestProgress:
         assert capsys.readouterr().err == ""
         monkeypatch.setattr(planner.progress, "import_module", lambda _name: time.sleep(0.1))
         planner.progress.load_kernels()
-        assert capsys.readouterr().err == "compiling the kernels (first run only, about 20 s)\n"
+        assert capsys.readouterr().err == "compiling the kernels (first run only, about 30 s)\n"

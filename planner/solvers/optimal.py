@@ -349,8 +349,6 @@ def start_from(problem: Constraints, x: FloatArray) -> FloatArray:
 
     A spline's values lie between its control values, so a positive guess gives a positive start.
     """
-    from scipy.interpolate import BSpline
-
     sigma = np.concatenate([[0.0], np.cumsum(problem.h)])
     knots = np.concatenate([[sigma[0]] * 3, sigma, [sigma[-1]] * 3])
     greville = (knots[1:-3] + knots[2:-2] + knots[3:-1]) / 3.0
@@ -365,15 +363,29 @@ def start_from(problem: Constraints, x: FloatArray) -> FloatArray:
         # x' at the first knot is three times the difference of the first two control values over the interval
         control[1] = problem.start + 2.0 / 3.0 * problem.start_slope * problem.h[0]
         control[2] = max(control[1], 0.5 * problem.start)
-    spline = BSpline(knots, control, 3)
-    z = np.empty((3, 2 * sigma.size - 1))
-    points = np.empty(z.shape[1])
-    points[0::2], points[1::2] = sigma, 0.5 * (sigma[1:] + sigma[:-1])
-    z[0], z[1] = spline(points), 0.5 * spline(points, 1)
-    # c is linear on an interval: from its middle and its right-sided start follows its end, left-sided.
-    middle, begin = 0.5 * spline(points[1::2], 2), 0.5 * spline(sigma[:-1], 2)
-    z[2, 1::2], z[2, 0], z[2, 2::2] = middle, begin[0], 2.0 * middle - begin
-    empty = np.flatnonzero(problem.h == 0.0)
-    z[2, 2 * empty + 2] = begin[np.minimum(empty + 1, begin.size - 1)]
-    z[2, 2 * empty + 1] = 0.5 * (z[2, 2 * empty] + z[2, 2 * empty + 2])
+    return _spline_states(problem.h, knots, control)
+
+
+def _spline_states(h: FloatArray, knots: FloatArray, control: FloatArray) -> FloatArray:
+    """x, a = x'/2 and c = x''/2 at all points, from the control values (n + 2,) of a cubic spline on knots (n + 6,).
+
+    de Boor's triangle at the knots; x'' is linear between them, its control values are its values (one-sided at a double
+    knot).  Points between follow from the cubic.
+    """
+    n = h.size + 1
+    before2, before, at, after, after2 = (knots[k : k + n] for k in range(1, 6))
+    low = ((after - at) * control[:-2] + (at - before2) * control[1:-1]) / (after - before2)
+    high = ((after2 - at) * control[1:-1] + (at - before) * control[2:]) / (after2 - before)
+    slope = 3.0 * np.diff(control) / (knots[4:-1] - knots[1:-4])
+    bend = 2.0 * np.diff(slope) / (knots[4:-2] - knots[2:-4])
+    share = (at - before) / (after - before)
+    z = np.empty((3, 2 * n - 1))
+    z[0, 0::2] = (1.0 - share) * low + share * high
+    z[1, 0::2] = 0.5 * ((1.0 - share) * slope[:-1] + share * slope[1:])
+    z[2, 0::2] = 0.5 * bend
+    x, a, c = z[:, 0:-2:2]
+    following = z[2, 2::2]
+    z[0, 1::2] = x + h * a + h**2 * (5.0 * c + following) / 24.0
+    z[1, 1::2] = a + h * (3.0 * c + following) / 8.0
+    z[2, 1::2] = 0.5 * (c + following)
     return z
