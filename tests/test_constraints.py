@@ -74,6 +74,19 @@ def test_path_derivatives_with_respect_to_sigma(formula_path):
         assert path.axes[k] == pytest.approx(d[k], abs=accuracy * np.abs(d[k]).max())
 
 
+def test_the_chain_rule_itself_costs_nothing(formula_path, monkeypatch):
+    """The same on the formula in place of its pieces: to 1e-12, 1e-11 and 1e-10."""
+    section, grid, _, _, d = formula_path
+
+    def exact(curve, u, left):
+        return np.where(left[:, None], curve.derivatives(u, 3, side="left"), curve.derivatives(u, 3))
+
+    monkeypatch.setattr("planner.constraints.evaluate", exact)
+    path = build(section, LIMITS, grid, scan(section, LIMITS, 60))[1]
+    for k, accuracy in ((0, 1e-13), (1, 1e-12), (2, 1e-11), (3, 1e-10)):
+        assert path.axes[k] == pytest.approx(d[k], abs=accuracy * np.abs(d[k]).max())
+
+
 def test_rows_are_velocity_acceleration_and_jerk_over_their_limits(formula_path):
     """For any sigma_dot, sigma_ddot and their derivative c the rows give the axes' rates by the chain rule."""
     _, _, constraints, _, d = formula_path
