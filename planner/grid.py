@@ -29,6 +29,8 @@ _SLIVER = 1e-13  # of the whole
 # Samples: so many an interval, fewer where there are many
 _SCAN_PER_INTERVAL, _MANY = 2, 20_000
 _MIN_SCAN = 600
+# A stretch between breaks has at least so many: a cubic corner has no curvature at either end, only inside.
+_SCAN_PER_STRETCH = 16
 # How much of acceleration and jerk the scans let the feed use along the path; the rest is left to the curvature.
 _SCAN_ACCELERATION = 0.7
 _SCAN_JERK = 0.35 * 2.12
@@ -130,9 +132,9 @@ def scan(section: Section, limits: Limits, intervals: int) -> Scan:
     dips = _dips(section, limits, weights)
     close = _close_to(dips, (section.y_end - section.y_start) / count)
     close = close[(close > section.y_start) & (close < section.y_end)]
-    y = np.unique(
-        np.concatenate([y, section.y_start + near, section.y_end - near, section.coordinate(_breaks(section)), close])
-    )
+    breaks = section.coordinate(_breaks(section))
+    inside = _inside_short(np.concatenate([[section.y_start], breaks, [section.y_end]]), y[1] - y[0])
+    y = np.unique(np.concatenate([y, section.y_start + near, section.y_end - near, breaks, inside, close]))
     u = section.parameter(y)
     q = evaluate(curve, u, u >= section.u_end)
     scaled = q.copy()
@@ -185,6 +187,14 @@ def _dips(section: Section, limits: Limits, weights: FloatArray) -> Dips:
         width /= np.sqrt(dot(sides[0][1], sides[0][1]))
     least = _NARROWEST_DIP * (section.y_end - section.y_start)
     return Dips(section.coordinate(u), feed, np.where(np.isfinite(width), np.maximum(width, least), np.inf))
+
+
+def _inside_short(edges: FloatArray, spacing: float) -> FloatArray:
+    """Samples inside the stretches between ``edges`` that are too short for the given spacing to see what they hold."""
+    width = np.diff(edges)
+    short = np.flatnonzero((width > 0.0) & (width < _SCAN_PER_STRETCH * spacing))
+    share = np.arange(1, _SCAN_PER_STRETCH) / _SCAN_PER_STRETCH
+    return np.asarray((edges[short, None] + width[short, None] * share).reshape(-1))
 
 
 def _close_to(dips: Dips, spacing: float) -> FloatArray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, types
 
-from planner.geometry.kernels import FLAG, FLAGS2, I64, NOTHING, READ1, READ2, READ3, WRITE2, point_on_pieces
+from planner.geometry.kernels import FLAG, FLAGS2, NOTHING, READ1, READ2, READ3, WRITE2, point_on_pieces
 
 # (breaks, coefficients, rational, resting) of the pieces of a curve
 PIECES = types.Tuple((READ1, READ3, FLAG, FLAGS2))
@@ -73,17 +73,16 @@ def _grant(q, tip, digit, h, feed, per_limit, scalars, out):
     out[3 * dim + 3] = third * speed / scalars[3]
 
 
-@njit(NOTHING(PIECES, PIECES, FLAG, READ2, READ2, I64, READ2, READ1, WRITE2), cache=True, error_model="numpy")
-def shares(axes, tip, cartesian, quintic, spans, points, rows, scalars, out):
+@njit(NOTHING(PIECES, PIECES, FLAG, READ2, READ2, READ2, READ1, WRITE2), cache=True, error_model="numpy")
+def shares(axes, tip, cartesian, quintic, spans, rows, scalars, out):
     """Write the largest share of speed, acceleration and jerk limits used in each interval into ``out (4, n)``.
 
     The fourth row is the largest rate at which u falls back, 1/s.
 
     ``axes``, ``tip``: pieces of the machine axes and of the tool tip, the same ones if ``cartesian``.  On interval i the
     parameter u is ``quintic[:, i]`` (ascending powers of the time since its start); ``spans[:, i]`` are its duration, its
-    smallest and largest u, the end of its stretch between breaks, what a digit of the law is worth in u, and the feed
-    limit.  It is looked at in ``points`` + 1 equidistant times, and a peak between them is estimated by the parabola
-    through three.  ``rows (3, dim)``: velocity, acceleration and jerk limits; ``scalars``: chord error, period, tangential
+    smallest and largest u, the end of its stretch between breaks, what a digit of the law is worth in u, the feed limit, and
+    into how many equal parts it is cut to be looked at; a peak between points is estimated by the parabola through three.  ``rows (3, dim)``: velocity, acceleration and jerk limits; ``scalars``: chord error, period, tangential
     acceleration and jerk.
     """
     dim, count = rows.shape[1], 3 * rows.shape[1] + 4
@@ -102,6 +101,7 @@ def shares(axes, tip, cartesian, quintic, spans, points, rows, scalars, out):
             quintic[4, i],
             quintic[5, i],
         )
+        points = int(spans[6, i])
         out[0, i] = out[1, i] = out[2, i] = out[3, i] = 0.0
         for n in range(points + 1):
             w = h * n / points

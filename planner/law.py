@@ -21,11 +21,13 @@ from planner.limits import Limits, commanded_feed
 from planner.profile import quintic_coefficients
 
 _GAUSS_POINTS = 8  # on half an interval: the integrand varies little there
-_POINTS_PER_INTERVAL = 5  # an interval of a solver has two nodes' intervals, hence 10 points, and parabolas between
+# Points an interval: an interval of a solver has two nodes' intervals, hence 10 points, and parabolas between.  A stretch
+# between breaks has no fewer than the second number: one that is a single interval, as a tiny corner is, hides its peaks.
+_POINTS_PER_INTERVAL, _POINTS_PER_STRETCH = 5, 40
 _DEEPEST_DIP = 1e-4
 _CHUNK = 20_000
-# Intervals this near to the largest slowdown, at most this many, are looked at with this many points.
-_CLOSE, _CLOSEST, _CLOSE_POINTS = 1e-2, 64, 40
+# Intervals this near to the largest slowdown, at most this many, are looked at with as many points as a stretch.
+_CLOSE, _CLOSEST = 1e-2, 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,16 +141,28 @@ def utilisation(curve: Curve, limits: Limits, nodes: TimeNodes) -> Utilisation:
     last = np.append(np.flatnonzero(step <= 0.0), nodes.t.size - 1)
     end = np.repeat(nodes.u[last], np.diff(last, prepend=-1))
     full = np.flatnonzero(step > 0.0)
+    points = _points(curve, nodes, step)
     for lo in range(0, full.size, _CHUNK):
         index = full[lo : lo + _CHUNK]
-        out[:, index] = _chunk(curve, limits, nodes, index, end[index], _POINTS_PER_INTERVAL)
+        out[:, index] = _chunk(curve, limits, nodes, index, end[index], points[index])
     # The peaks of the intervals that decide lie between their points: look there closely.
     slowdown = Utilisation(*out).slowdown
     top = full[slowdown[full] > slowdown.max() - _CLOSE]
     top = top[np.argsort(-slowdown[top], kind="stable")[:_CLOSEST]]
-    out[:, top] = np.maximum(out[:, top], _chunk(curve, limits, nodes, top, end[top], _CLOSE_POINTS))
+    out[:, top] = np.maximum(
+        out[:, top], _chunk(curve, limits, nodes, top, end[top], np.full(top.size, _POINTS_PER_STRETCH))
+    )
     out[2, _beside_steps(curve, limits, nodes)] /= JERK_BESIDE_STEP
     return Utilisation(*out)
+
+
+def _points(curve: Curve, nodes: TimeNodes, step: FloatArray) -> NDArray[np.intp]:
+    """At how many points to look at each interval: by its share of the time of its stretch between breaks."""
+    breaks = np.searchsorted(nodes.u, curve._candidate_breaks(), side="right") - 1
+    starts = np.unique(np.concatenate([[0], np.clip(breaks, 0, step.size - 1)]))
+    time = np.repeat(np.add.reduceat(step, starts), np.diff(starts, append=step.size))
+    share = np.divide(step, time, out=np.ones_like(step), where=time > 0.0)
+    return np.clip(np.ceil(_POINTS_PER_STRETCH * share), _POINTS_PER_INTERVAL, _POINTS_PER_STRETCH).astype(np.intp)
 
 
 def _beside_steps(curve: Curve, limits: Limits, nodes: TimeNodes) -> NDArray[np.bool_]:
@@ -162,9 +176,9 @@ def _beside_steps(curve: Curve, limits: Limits, nodes: TimeNodes) -> NDArray[np.
 
 
 def _chunk(
-    curve: Curve, limits: Limits, nodes: TimeNodes, index: NDArray[np.intp], end: FloatArray, points: int
+    curve: Curve, limits: Limits, nodes: TimeNodes, index: NDArray[np.intp], end: FloatArray, points: NDArray[np.intp]
 ) -> FloatArray:
-    """Largest shares of the limits used in the intervals ``index``, and backward rates, (4, n), at this many points."""
+    """Largest shares of the limits used in the intervals ``index``, and backward rates, (4, n), at so many points each."""
     from planner.kernels import shares
 
     h = nodes.t[index + 1] - nodes.t[index]
@@ -175,12 +189,12 @@ def _chunk(
     )
     digit = np.finfo(float).eps * (np.abs(nodes.u[index + 1]) + np.abs(nodes.u_rate[index]) * nodes.t[index + 1])
     feed = commanded_feed(curve, limits, 0.5 * (nodes.u[index] + nodes.u[index + 1]))  # steps only at nodes
-    spans = np.stack([h, nodes.u[index], nodes.u[index + 1], end, digit, feed])
+    spans = np.stack([h, nodes.u[index], nodes.u[index + 1], end, digit, feed, points])
     rows = np.stack([limits.velocity, limits.acceleration, limits.jerk])
     scalars = np.array([limits.chord_error, limits.period, limits.tangential_acceleration, limits.tangential_jerk])
     out = np.empty((4, index.size))
     axes, tip = (
         (part.breaks, part.coefficients, part.rational, part.resting) for part in (curve.pieces, curve.tip.pieces)
     )
-    shares(axes, tip, curve.tip is curve, quintic, spans, points, rows, scalars, out)
+    shares(axes, tip, curve.tip is curve, quintic, spans, rows, scalars, out)
     return out

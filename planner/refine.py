@@ -43,7 +43,7 @@ _COARSER = 8
 _COARSE_GAP = 1e-2
 _LEAST_GUESS = 1e-6
 # A plan that needs more slowing down than this at the end is refined first.
-_ACCEPTED_SLOWDOWN = 1.0003
+_ACCEPTED_SLOWDOWN = 1.00002
 # Beyond the first the grid is too coarse there, and is refined; below, tightening the limits locally is enough.  Where
 # the number of intervals is given, only what is beyond the second is refined.
 _TOO_COARSE, _HOPELESS = 1.004, 1.05

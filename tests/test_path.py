@@ -58,6 +58,38 @@ def test_durations(name, tolerance, seconds):
     assert check(path.curve, PLANE, profile).ok
 
 
+def sawtooth(pitch, teeth, tolerance):
+    """A zigzag of 135 degrees: along, up the diagonal, down again, ..."""
+    points = [(0.0, 0.0), (pitch, 0.0)]
+    for k in range(2, teeth + 2):
+        points += [(k * pitch, pitch), (k * pitch, 0.0)]
+    return program_path(polyline(points, tolerance=tolerance), None, PLANE)
+
+
+def assert_resolved(pitch, teeth, tolerance):
+    path = sawtooth(pitch, teeth, tolerance)
+    plan, fine = (plan_feedrate(path.curve, PLANE, intervals=k * path.intervals) for k in (1, 10))
+    report = check(path.curve, PLANE, plan)
+    assert report.ok, report
+    assert plan.duration <= fine.duration * (1.0 + 1e-3)
+
+
+@pytest.mark.parametrize(
+    ("pitch", "teeth", "tolerance"), [(25.4, 5, 0.01), (20.0, 5, 0.01), (5.0, 2, 0.05), (50.0, 1, 0.001)]
+)
+def test_corners_shorter_than_the_samples_of_the_scan_are_resolved(pitch, teeth, tolerance):
+    # A cubic corner has no curvature at either end; of 70 um beside 50 mm only its ends were seen, and one interval given.
+    assert_resolved(pitch, teeth, tolerance)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tolerance", [0.001, 0.002, 0.005, 0.01, 0.02, 0.05])
+def test_every_sawtooth_is_resolved(tolerance):
+    for pitch in range(5, 51):
+        for teeth in range(1, 9):
+            assert_resolved(float(pitch), teeth, tolerance)
+
+
 def test_deviation_of_the_butterfly_by_brute_force():
     source = read_program(PROGRAMS / "butterfly_5000.ngc")
     path = path_of("butterfly_5000", 1e-2)
