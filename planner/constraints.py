@@ -81,6 +81,22 @@ class Constraints:
     length_unit: float
     time_unit: float
 
+    def used(self, x: FloatArray, a: FloatArray, c: FloatArray) -> FloatArray:
+        """Largest share of a limit used at each point, (2n - 1,), by the cubics with these x, a, c at the knots (n,)."""
+        z = np.empty((3, self.cap.size))
+        z[:, ::2] = x, a, c
+        h, (before, slope, bend), after = self.h, z[:, :-2:2], z[2, 2::2]
+        z[0, 1::2] = before + h * slope + h**2 * (5.0 * bend + after) / 24.0
+        z[1, 1::2] = slope + h * (3.0 * bend + after) / 8.0
+        z[2, 1::2] = 0.5 * (bend + after)
+        share = np.sqrt(np.maximum(z[0], 0.0))
+        out = share / np.sqrt(self.cap)
+        for row in self.acceleration:
+            np.maximum(out, np.abs(row[0] * z[0] + row[1] * z[1]), out=out)
+        for row in self.jerk:
+            np.maximum(out, np.abs(row[0] * z[0] + row[1] * z[1] + row[2] * z[2]) * share, out=out)
+        return out
+
 
 @dataclass(frozen=True, eq=False)
 class Parameter:

@@ -7,6 +7,9 @@ from numba import njit, types
 
 from planner.geometry.kernels import FLAG, FLAGS2, NOTHING, READ1, READ2, READ3, WRITE2, point_on_pieces
 
+_MOST_PARTS = 80  # that an interval is cut into
+_PARABOLA = 0.07  # its error through four points, against their third difference: max |x (x^2 - 1)| / 6
+_PRECISE = 3e-7  # as a share of a limit
 # (breaks, coefficients, rational, resting) of the pieces of a curve
 PIECES = types.Tuple((READ1, READ3, FLAG, FLAGS2))
 
@@ -73,6 +76,31 @@ def _grant(q, tip, digit, h, feed, per_limit, scalars, out):
     out[3 * dim + 3] = third * speed / scalars[3]
 
 
+@njit(forceinline=True, error_model="numpy")
+def _peak(values, points, granted):
+    """Largest value of a row of ``points`` + 1 equidistant ones less what is granted, and whether that may be too low.
+
+    A peak between points is that of the parabola through three; it is off by up to 0.07 of the third difference.
+    """
+    top, doubtful = values[0], False
+    for n in range(1, points + 1):
+        top = max(top, values[n])
+        if n < 2:
+            continue
+        before, here, after = values[n - 2], values[n - 1], values[n]
+        bend, lean = before - 2.0 * here + after, before - after
+        # The vertex is nearest to the middle one, or at an end of the interval to its first or last point.
+        outer = (n == 2 and lean > 0.0) or (n == points and lean < 0.0)
+        if bend < 0.0 and abs(lean) <= (-2.0 * bend if outer else -bend):
+            top = max(top, here - lean * lean / (8.0 * bend))
+        if n >= 3:
+            error = _PARABOLA * abs(values[n - 3] - 3.0 * before + 3.0 * here - after)
+            # A parabola rises by at most an eighth of its second difference above its points.
+            highest = max(values[n - 3], before, here, after) - 0.125 * min(bend, 0.0) + error
+            doubtful = doubtful or (error > _PRECISE and highest > 1.0 + granted)
+    return top - granted, doubtful
+
+
 @njit(NOTHING(PIECES, PIECES, FLAG, READ2, READ2, READ2, READ1, WRITE2), cache=True, error_model="numpy")
 def shares(axes, tip, cartesian, quintic, spans, rows, scalars, out):
     """Write the largest share of speed, acceleration and jerk limits used in each interval into ``out (4, n)``.
@@ -81,12 +109,13 @@ def shares(axes, tip, cartesian, quintic, spans, rows, scalars, out):
 
     ``axes``, ``tip``: pieces of the machine axes and of the tool tip, the same ones if ``cartesian``.  On interval i the
     parameter u is ``quintic[:, i]`` (ascending powers of the time since its start); ``spans[:, i]`` are its duration, its
-    smallest and largest u, the end of its stretch between breaks, what a digit of the law is worth in u, the feed limit, and
-    into how many equal parts it is cut to be looked at; a peak between points is estimated by the parabola through three.  ``rows (3, dim)``: velocity, acceleration and jerk limits; ``scalars``: chord error, period, tangential
-    acceleration and jerk.
+    smallest and largest u, the end of its stretch between breaks, what a digit of the law is worth in u, the feed limit,
+    and into how many equal parts it is cut to be looked at: into twice as many, at most _MOST_PARTS, until the parabolas
+    between points tell whether a limit is kept.  ``rows (3, dim)``: velocity, acceleration and jerk limits; ``scalars``:
+    chord error, period, tangential acceleration and jerk.
     """
     dim, count = rows.shape[1], 3 * rows.shape[1] + 4
-    older, old, new = np.empty(count), np.empty(count), np.empty(count)
+    values, new = np.empty((count, _MOST_PARTS + 1)), np.empty(count)
     per_limit, granted = 1.0 / rows, np.zeros(count)
     q = np.empty((4, dim))
     p = q if cartesian else np.empty((4, tip[1].shape[1] - 1))
@@ -101,35 +130,36 @@ def shares(axes, tip, cartesian, quintic, spans, rows, scalars, out):
             quintic[4, i],
             quintic[5, i],
         )
-        points = int(spans[6, i])
-        out[0, i] = out[1, i] = out[2, i] = out[3, i] = 0.0
-        for n in range(points + 1):
-            w = h * n / points
-            u = min(max(c0 + w * (c1 + w * (c2 + w * (c3 + w * (c4 + w * c5)))), first), last)
-            if n == 0:
-                u = first
-            elif n == points:
-                u = last
-            u1 = c1 + w * (2.0 * c2 + w * (3.0 * c3 + w * (4.0 * c4 + w * 5.0 * c5)))
-            u2 = 2.0 * c2 + w * (6.0 * c3 + w * (12.0 * c4 + w * 20.0 * c5))
-            u3 = 6.0 * c3 + w * (24.0 * c4 + w * 60.0 * c5)
-            out[3, i] = max(out[3, i], -u1)
-            # A point that rounds to the end of its stretch must not be read from beyond it.
-            left = u >= stretch_end
-            piece = point_on_pieces(axes[0], axes[1], axes[2], axes[3], u, left, piece, q)
-            if not cartesian:
-                tip_piece = point_on_pieces(tip[0], tip[1], tip[2], tip[3], u, left, tip_piece, p)
-            _shares_at(q, p, u1, u2, u3, feed, per_limit, scalars, new)
-            if n == 0:
-                _grant(q, p, spans[4, i], h, feed, per_limit, scalars, granted)
+        points, doubtful = int(spans[6, i]), True
+        out[3, i] = 0.0
+        while doubtful:
+            for n in range(points + 1):
+                w = h * n / points
+                u = min(max(c0 + w * (c1 + w * (c2 + w * (c3 + w * (c4 + w * c5)))), first), last)
+                if n == 0:
+                    u = first
+                elif n == points:
+                    u = last
+                u1 = c1 + w * (2.0 * c2 + w * (3.0 * c3 + w * (4.0 * c4 + w * 5.0 * c5)))
+                u2 = 2.0 * c2 + w * (6.0 * c3 + w * (12.0 * c4 + w * 20.0 * c5))
+                u3 = 6.0 * c3 + w * (24.0 * c4 + w * 60.0 * c5)
+                out[3, i] = max(out[3, i], -u1)
+                # A point that rounds to the end of its stretch must not be read from beyond it.
+                left = u >= stretch_end
+                piece = point_on_pieces(axes[0], axes[1], axes[2], axes[3], u, left, piece, q)
+                if not cartesian:
+                    tip_piece = point_on_pieces(tip[0], tip[1], tip[2], tip[3], u, left, tip_piece, p)
+                _shares_at(q, p, u1, u2, u3, feed, per_limit, scalars, new)
+                if n == 0:
+                    _grant(q, p, spans[4, i], h, feed, per_limit, scalars, granted)
+                for k in range(count):
+                    values[k, n] = new[k]
+            out[0, i] = out[1, i] = out[2, i] = 0.0
+            doubtful = False
             for k in range(count):
                 kind = 0 if k < dim + 2 else (1 if k < 2 * dim + 3 else 2)
-                value = new[k]
-                if n >= 2:
-                    bend, lean = older[k] - 2.0 * old[k] + value, older[k] - value
-                    # The vertex is nearest to the middle one, or at an end of the interval to its first or last point.
-                    outer = (n == 2 and lean > 0.0) or (n == points and lean < 0.0)
-                    if bend < 0.0 and abs(lean) <= (-2.0 * bend if outer else -bend):
-                        value = old[k] - lean * lean / (8.0 * bend)
-                out[kind, i] = max(out[kind, i], value - granted[k])
-                older[k], old[k] = old[k], new[k]
+                top, unsure = _peak(values[k], points, granted[k])
+                out[kind, i] = max(out[kind, i], top)
+                doubtful = doubtful or unsure
+            doubtful = doubtful and points < _MOST_PARTS
+            points = min(2 * points, _MOST_PARTS)

@@ -25,23 +25,30 @@ _GAUSS_POINTS = 8  # on half an interval: the integrand varies little there
 # between breaks has no fewer than the second number: one that is a single interval, as a tiny corner is, hides its peaks.
 _POINTS_PER_INTERVAL, _POINTS_PER_STRETCH = 5, 40
 _DEEPEST_DIP = 1e-4
+_DIGITS = 16.0  # a difference of parameters is known to so many units in their last place
 _CHUNK = 20_000
-# Intervals this near to the largest slowdown, at most this many, are looked at with as many points as a stretch.
-_CLOSE, _CLOSEST = 1e-2, 64
 
 
 @dataclass(frozen=True, eq=False)
 class TimeNodes:
-    """Nodes of a time law: four (n,) arrays as in ``FeedrateProfile``; t starts at 0."""
+    """Nodes of a time law: four (n,) arrays as in ``FeedrateProfile``; t starts at 0.
+
+    ``steps (2, n - 1)``: t and u from node to node before they are rounded to sums, where the law knows them.  Between
+    close nodes the last digits of t and u are worth a jerk; whoever mends an excess must not chase these.
+    """
 
     t: FloatArray
     u: FloatArray
     u_rate: FloatArray
     u_acceleration: FloatArray
+    steps: FloatArray | None = None
 
     def dilated(self, factor: float) -> TimeNodes:
         """The same law run ``factor`` times slower."""
-        return TimeNodes(self.t * factor, self.u, self.u_rate / factor, self.u_acceleration / factor**2)
+        steps = None if self.steps is None else self.steps * np.array([[factor], [1.0]])
+        # Sums of the dilated steps: products of the rounded times would round once more.
+        t = self.t * factor if steps is None else np.concatenate([[0.0], np.cumsum(steps[0])])
+        return TimeNodes(t, self.u, self.u_rate / factor, self.u_acceleration / factor**2, steps)
 
     def _keep_forward_at_stops(self) -> None:
         """Let u not fall back in an interval that ends at rest, where the solver's last digits shape the quintic.
@@ -78,6 +85,12 @@ class SpeedLaw:
         slope = (self.c[i + 1] - self.c[i]) / h
         return self.x[i] + w * (2.0 * self.a[i] + w * (self.c[i] + w * slope / 3.0))
 
+    def _midpoint_rounding(self) -> FloatArray:
+        """By how much the midpoints of the intervals are off, being rounded."""
+        before, after = self.sigma[:-1], self.sigma[1:]
+        middle = 0.5 * (before + after)
+        return 0.5 * ((middle - before) - (after - middle))
+
     def nodes(self, path: Parameter) -> TimeNodes:
         """Nodes at knots and midpoints; ``path`` holds the same points."""
         h = np.diff(self.sigma)
@@ -95,23 +108,60 @@ class SpeedLaw:
             # excess that the quintic shows makes the grid finer.
             np.maximum(inner, _DEEPEST_DIP * np.minimum(self.x[:-1], self.x[1:])[:, None], out=inner)
             dt[half::2] = 0.25 * h * np.einsum("ij,j->i", 1.0 / np.sqrt(inner), weights)
-        t = np.concatenate([[0.0], np.cumsum(dt)])
         u, u1, u2, u3 = path.u
-        keep = np.ones(x.size, dtype=bool)
-        keep[1::2] = h > 0.0  # the midpoint of an empty interval is no node of its own
         rate, acceleration = u1 * np.sqrt(x), u2 * x + u1 * a
         # Where rounding moved u, the node is the moment at which the law has the rounded u.
         off = np.flatnonzero((path.rounding != 0.0) & (rate > 0.0))
         c = np.empty(x.size)
         c[0::2], c[1::2] = self.c, 0.5 * (self.c[:-1] + self.c[1:])
-        later = path.rounding[off] / rate[off]
-        t[off] += later
-        rate[off] += later * acceleration[off]
+        later, moved = np.zeros(x.size), np.zeros(x.size)
+        moved[1::2] = u1[1::2] * self._midpoint_rounding()
+        moved = np.where(path.rounding != 0.0, path.rounding + moved, 0.0)
+        later[off] = moved[off] / rate[off]
+        rate[off] += later[off] * acceleration[off]
         jerk = u3[off] * x[off] + 3.0 * u2[off] * a[off] + u1[off] * c[off]
-        acceleration[off] += later * jerk * np.sqrt(x[off])
-        nodes = TimeNodes(t[keep], u[keep], rate[keep], acceleration[keep])
+        acceleration[off] += later[off] * jerk * np.sqrt(x[off])
+        # u is exact at the ends of stretches and taken as it is next to a stop; elsewhere its digits are those of a solve.
+        exact = moved != 0.0
+        exact[0::2] |= np.append(h == 0.0, True) | np.append(True, h == 0.0)
+        advance, u = _in_step(u, _advance(np.repeat(0.5 * h, 2), path.u) + np.diff(moved), exact)
+        dt += np.diff(later)
+        keep = np.append(True, np.repeat(h, 2) > 0.0)
+        keep[2::2] = True  # the midpoint of an empty interval is no node of its own
+        inner = keep[1:]
+        t = np.concatenate([[0.0], np.cumsum(dt[inner])])
+        nodes = TimeNodes(t, u[keep], rate[keep], acceleration[keep], np.stack([dt, advance])[:, inner])
         nodes._keep_forward_at_stops()
         return nodes
+
+
+def _advance(h: FloatArray, u: FloatArray) -> FloatArray:
+    """Difference of u from point to point, from u and its derivatives (4, p) there: its integral where the digits end.
+
+    By Hermite's formula, h/2 (u' + u'+) + h^2/10 (u'' - u''+) + h^3/120 (u+), exact for u' of degree 5; where that
+    is further from the difference than rounding is, the intervals are long and the difference is the better one.
+    """
+    plain, digit = np.diff(u[0]), np.finfo(float).eps * float(np.abs(u[0]).max())
+    integral = h * (
+        0.5 * (u[1, 1:] + u[1, :-1]) + h * (0.1 * (u[2, :-1] - u[2, 1:]) + h / 120.0 * (u[3, 1:] + u[3, :-1]))
+    )
+    return np.where(np.abs(integral - plain) <= _DIGITS * digit, integral, plain)
+
+
+def _in_step(u: FloatArray, advance: FloatArray, exact: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
+    """Make u (p,) and its steps (p - 1,) agree to half a digit of u; returns the steps and u.
+
+    The steps are summed up from one exact point to the next, and what is left over there is spread over them.
+    """
+    total = np.cumsum(np.concatenate([u[:1], advance]))
+    # What each addition rounded off, exactly (Knuth's TwoSum); together with it the sums are good to half a digit.
+    added = np.diff(total)
+    lost = np.concatenate([[0.0], np.cumsum((total[:-1] - (total[1:] - added)) + (advance - added))])
+    at = np.flatnonzero(exact)
+    left_over = np.interp(np.arange(u.size), at, (u[at] - total[at]) - lost[at])
+    out = total + (lost + left_over)
+    out[at] = u[at]
+    return advance + np.diff(left_over), out
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,13 +195,6 @@ def utilisation(curve: Curve, limits: Limits, nodes: TimeNodes) -> Utilisation:
     for lo in range(0, full.size, _CHUNK):
         index = full[lo : lo + _CHUNK]
         out[:, index] = _chunk(curve, limits, nodes, index, end[index], points[index])
-    # The peaks of the intervals that decide lie between their points: look there closely.
-    slowdown = Utilisation(*out).slowdown
-    top = full[slowdown[full] > slowdown.max() - _CLOSE]
-    top = top[np.argsort(-slowdown[top], kind="stable")[:_CLOSEST]]
-    out[:, top] = np.maximum(
-        out[:, top], _chunk(curve, limits, nodes, top, end[top], np.full(top.size, _POINTS_PER_STRETCH))
-    )
     out[2, _beside_steps(curve, limits, nodes)] /= JERK_BESIDE_STEP
     return Utilisation(*out)
 
@@ -181,13 +224,17 @@ def _chunk(
     """Largest shares of the limits used in the intervals ``index``, and backward rates, (4, n), at so many points each."""
     from planner.kernels import shares
 
-    h = nodes.t[index + 1] - nodes.t[index]
+    if nodes.steps is None:
+        h, advance = nodes.t[index + 1] - nodes.t[index], nodes.u[index + 1] - nodes.u[index]
+        digit = np.finfo(float).eps * (np.abs(nodes.u[index + 1]) + np.abs(nodes.u_rate[index]) * nodes.t[index + 1])
+    else:
+        (h, advance), digit = nodes.steps[:, index], np.zeros(index.size)
     quintic = quintic_coefficients(
         h,
-        (nodes.u[index], nodes.u_rate[index], nodes.u_acceleration[index]),
-        (nodes.u[index + 1], nodes.u_rate[index + 1], nodes.u_acceleration[index + 1]),
+        (np.zeros(index.size), nodes.u_rate[index], nodes.u_acceleration[index]),
+        (advance, nodes.u_rate[index + 1], nodes.u_acceleration[index + 1]),
     )
-    digit = np.finfo(float).eps * (np.abs(nodes.u[index + 1]) + np.abs(nodes.u_rate[index]) * nodes.t[index + 1])
+    quintic[0] = nodes.u[index]
     feed = commanded_feed(curve, limits, 0.5 * (nodes.u[index] + nodes.u[index + 1]))  # steps only at nodes
     spans = np.stack([h, nodes.u[index], nodes.u[index + 1], end, digit, feed, points])
     rows = np.stack([limits.velocity, limits.acceleration, limits.jerk])

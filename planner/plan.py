@@ -63,8 +63,8 @@ def plan_feedrate(
     budget : float
         Computing time after which the best plan so far is returned, s (method ``optimal``).
     intervals : int, optional
-        Number of intervals of the grid, shared out among the sections between exact stops; refined as needed if left
-        out.
+        Number of intervals of the grid, shared out among the sections between exact stops.  If left out, as many as the
+        features of the curve need, refined wherever no limit binds.
     exact_stop : bool
         Stop at curvature discontinuities instead of passing them slowly.
     reserve : sequence of (u, share)
@@ -107,10 +107,13 @@ def plan_feedrate(
     for i, section in enumerate(sections):
         if progress is not None:
             progress(f"section {i + 1} of {len(sections)}", float(shares[:i].sum()))
-        effort = Effort.for_share(intervals, float(shares[i]))
+        effort = Effort.for_share(intervals, float(shares[i]), section)
         plans.append(_plan_section(section, limits, method, periodic, began + budget, effort, progress))
     nodes = _chain([plan.nodes for plan in plans])
     stats = _collect(sections, plans, limits, exact_stop)
+    slowed = np.repeat(
+        [max(1.0, plan.stats.get("slowdown", 1.0)) for plan in plans], [plan.nodes.t.size for plan in plans]
+    )
     stats["planning_s"] = time.perf_counter() - began
     return make_profile(
         curve,
@@ -119,6 +122,7 @@ def plan_feedrate(
         method=method,
         lower_bound=sum(plan.lower_bound for plan in plans),
         stats=stats,
+        slowed=slowed,
     )
 
 

@@ -19,8 +19,8 @@ from planner.errors import InputError
 from planner.geometry.curve import MAX_DERIVATIVE, Curve, FloatArray, curvature, dot
 from planner.limits import Limits, chord_feed_limit, commanded_feed
 
-# A limit holds the path back where it is used up to within this fraction.
-_BINDING_SHARE = 0.995
+# A limit holds the path back where it is used up to within one percent.
+BINDING_SHARE = 0.99
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,10 +239,12 @@ def make_profile(
     method: str,
     lower_bound: float = np.nan,
     stats: Mapping[str, Any] | None = None,
+    slowed: FloatArray | None = None,
 ) -> FeedrateProfile:
     """Build a profile from the nodes (t, u, u_rate, u_acceleration) of its time law.
 
-    Of two nodes that share a time the first holds the values before a break, the second those after it.
+    Of two nodes that share a time the first holds the values before a break, the second those after it.  ``slowed (n,)``:
+    by which factor each node's section was slowed down as a whole; what binds is what did before.
     """
     t, u, rate, acceleration = (np.ascontiguousarray(column, dtype=np.float64) for column in nodes)
     inner = np.diff(t) > 0.0
@@ -258,7 +260,9 @@ def make_profile(
     tip = q if curve.tip is curve else curve.tip.pieces.evaluate(u, MAX_DERIVATIVE, ~forward)
     along = np.stack(along_path(tip, law))
     commanded = commanded_feed(curve, limits, u, ~forward)
-    names, binding = _binding(curve, limits, law, along, q, tip, commanded)
+    names, binding = _binding(
+        curve, limits, law, along, q, tip, commanded, np.ones_like(t) if slowed is None else slowed
+    )
     s = curve.arclength.s(u)
     return FeedrateProfile(
         curve,
@@ -286,6 +290,7 @@ def _binding(
     q: FloatArray,
     tip: FloatArray,
     commanded: FloatArray,
+    slowed: FloatArray,
 ) -> tuple[tuple[str, ...], NDArray[np.int8]]:
     """Name, at each node, the limit with the largest share used, if it is nearly used up."""
     u, u1, u2, u3 = law
@@ -302,14 +307,14 @@ def _binding(
         chord = along[0] / chord_feed_limit(curvature(tip), limits)
     names = ["none", "feed", "chord error", "tangential acceleration", "tangential jerk"]
     used = [
-        np.full(u.size, _BINDING_SHARE),
-        along[0] / commanded,
-        np.nan_to_num(chord, nan=0.0, posinf=0.0),
-        np.abs(along[1]) / limits.tangential_acceleration,
-        np.abs(along[2]) / limits.tangential_jerk,
+        np.full(u.size, BINDING_SHARE),
+        along[0] * slowed / commanded,
+        np.nan_to_num(chord * slowed, nan=0.0, posinf=0.0),
+        np.abs(along[1]) * slowed**2 / limits.tangential_acceleration,
+        np.abs(along[2]) * slowed**3 / limits.tangential_jerk,
     ]
-    for what, values, allowed in rates:
+    for power, (what, values, allowed) in enumerate(rates, start=1):
         for j, axis in enumerate(curve.axes):
             names.append(f"{what} {axis}")
-            used.append(np.abs(values[:, j]) / allowed[j])
+            used.append(np.abs(values[:, j]) * slowed**power / allowed[j])
     return tuple(names), np.argmax(np.stack(used), axis=0).astype(np.int8)

@@ -3,7 +3,8 @@
 A solver looks at knots and midpoints only.  Between them the law is measured (``law.py``), and what it uses too much is
 given back in three ways, the first that serves:
 
-1.  Where an interval is far too coarse it is halved.
+1.  Where an interval is far too coarse it is halved; and where no limit binds, which is where the plan changes from one
+    limit to another and an interval takes longer than that needs.
 2.  Where it uses a little more than its limits, these are tightened there by as much, and in the two intervals on either
     side, where the plan would otherwise seek what it gives up.  The next solve begins where the last one came through
     (``Waypoint``) and takes half of its iterations; one such round leaves some 1e-5.
@@ -29,6 +30,7 @@ from planner.geometry.curve import FloatArray
 from planner.grid import Grid, Scan, place_knots, resolvable, scan, split, with_blends
 from planner.law import SpeedLaw, TimeNodes, Utilisation, utilisation
 from planner.limits import Limits
+from planner.profile import BINDING_SHARE
 from planner.sections import Section
 from planner.sensitivity import saved_by_one_percent, slowest
 from planner.solvers import optimal
@@ -43,15 +45,20 @@ _COARSER = 8
 _COARSE_GAP = 1e-2
 _LEAST_GUESS = 1e-6
 # A plan that needs more slowing down than this at the end is refined first.
-_ACCEPTED_SLOWDOWN = 1.00002
-# Beyond the first the grid is too coarse there, and is refined; below, tightening the limits locally is enough.  Where
-# the number of intervals is given, only what is beyond the second is refined.
-_TOO_COARSE, _HOPELESS = 1.004, 1.05
+_ACCEPTED_SLOWDOWN = 1.000002
+# Beyond the first the grid is too coarse somewhere, and is halved wherever it is beyond the last; below, tightening the
+# limits locally is enough.  Where the number of intervals is given, only what is beyond the second is refined.
+_TOO_COARSE, _HOPELESS, _COARSE = 1.004, 1.05, 1.0003
+# Where no limit binds for more than this share of the time, the grid is too coarse.
+_UNBOUND = 0.03
+# A slowing down by more than this is said, and so much is not accepted while the grid may still be refined.
+_WORTH_SAYING = 1.001
 _MARGIN_STEP = 2e-5
 _MARGIN_REACH = 2
-_MAX_ROUNDS = 6
+_MAX_ROUNDS = 8
+_IDLE_ROUNDS, _TIGHTENING_ROUNDS = 3, 5  # the last for idle intervals, and for tightening alone
 # Slowing down is measured at points; the peaks between them are higher by less than this.
-PEAK_MARGIN = 2e-6
+PEAK_MARGIN = 5e-7
 _MET = 1.0 + 2e-8
 _BACKWARD = 5e-10  # of the largest rate of u: slower than that is rounding
 _ALMOST_MET = 1.0 + 1e-6
@@ -78,11 +85,12 @@ class Effort:
     free: bool
 
     @classmethod
-    def for_share(cls, intervals: int | None, share: float) -> Effort:
+    def for_share(cls, intervals: int | None, share: float, section: Section) -> Effort:
         """For a section with this share of the path, given the number of intervals asked for, if any."""
         if intervals is None:
             least = DEFAULT_INTERVALS if share == 1.0 else _LEAST_INTERVALS
-            return cls(max(least, round(DEFAULT_INTERVALS * share)), True)
+            needed = section.curve.intervals_needed(section.u_start, section.u_end)
+            return cls(max(least, round(DEFAULT_INTERVALS * share), needed), True)
         return cls(max(MIN_INTERVALS, round(intervals * share)), False)
 
 
@@ -143,11 +151,21 @@ def _tightened(
 
 @dataclass(frozen=True, eq=False)
 class Attempt:
-    """What one solve gave: the law, what is said of it, and where the next solve may begin."""
+    """What one solve gave: the law, where the next solve may begin, and what is said of it.
+
+    ``unbound (n - 1,)``: share of the time of each interval, knot - middle - knot, in which no limit binds.
+    """
 
     law: SpeedLaw
     waypoint: Waypoint | None
+    unbound: FloatArray
     stats: dict[str, Any]
+
+    @property
+    def idle(self) -> float:
+        """Share of the time in which no limit binds."""
+        time = np.diff(self.law.sigma) / np.sqrt(0.5 * (self.law.x[1:] + self.law.x[:-1]))
+        return float(time @ self.unbound / time.sum())
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,9 +209,11 @@ class Stage:
             if not task.prescribed:
                 raise
             raise InfeasibleError(_not_attainable(task.section, error)) from None
+        idle = self.problem.used(solution.x, solution.a, solution.c) < BINDING_SHARE
+        unbound = (idle[:-2:2] + 4.0 * idle[1::2] + idle[2::2]) / 6.0
         scale = problem.length_unit
         x, a, c = solution.x * per_x, solution.a * per_x / scale, solution.c * per_x / scale**2
-        return Attempt(SpeedLaw(self.grid.sigma, x, a, c), solution.waypoint, self._stats(task, solution))
+        return Attempt(SpeedLaw(self.grid.sigma, x, a, c), solution.waypoint, unbound, self._stats(task, solution))
 
     def _stats(self, task: Task, solution: Solution) -> dict[str, Any]:
         stats = {"status": solution.status, "iterations": solution.iterations, "gap": solution.gap}
@@ -207,8 +227,9 @@ class Stage:
     def next(self, task: Task, attempt: Attempt, used: Utilisation, *, may_split: bool) -> tuple[Stage, Attempt]:
         """Refine the grid or tighten the limits where an attempt used too much; and what the next one begins with."""
         if may_split:
-            coarse = (used.slowdown > _ACCEPTED_SLOWDOWN) | (used.backward > 0.0)
-            finer = split(task.section, self.grid, _by_interval(coarse.astype(np.float64), self.grid) > 0.0)
+            coarse = (used.slowdown > _COARSE) | (used.backward > 0.0)
+            halved = (_by_interval(coarse.astype(np.float64), self.grid) > 0.0) | (attempt.unbound > 0.0)
+            finer = split(task.section, self.grid, halved)
             return Stage.on(task, finer), replace(attempt, waypoint=None)
         # Tightening by the excess leaves up to half of it.  A plan that continues another one, and cannot be slowed down as
         # a whole, is tightened by more: what that costs is little against its reserve.
@@ -252,41 +273,74 @@ def plan_section(
     stage = Stage.on(task, place_knots(section, guess, wanted))
     spent = attempt.stats["solve_cpu_s"] if attempt else 0.0
     first = 0.0
-    best: SectionPlan | None = None
-    best_forward = False  # a law that falls back somewhere is only better than none
-    for round_ in range(_MAX_ROUNDS):
+    best: Round | None = None
+    for number in range(_MAX_ROUNDS):
         try:
             attempt = stage.solve(task, attempt)
         except (InfeasibleError, SolverError) as error:
             if best is None:
                 raise
-            notes.append(f"refinement ended after {round_} rounds: {error}")
+            notes.append(f"refinement ended after {number} rounds: {error}")
             break
         spent += attempt.stats["solve_cpu_s"]
         first = first or spent
-        nodes = attempt.law.nodes(stage.path)
-        used = utilisation(section.curve, limits, nodes)
-        slowdown = float(used.slowdown.max())
-        kappa = 1.0 if task.prescribed else max(1.0, slowdown * (1.0 + PEAK_MARGIN))
-        duration = kappa * float(nodes.t[-1])
-        forward = bool((used.backward <= _BACKWARD * float(np.abs(nodes.u_rate).max())).all())
-        better = best is None or (slowdown < best.stats["slowdown"] if task.prescribed else duration < best.nodes.t[-1])
-        if forward > best_forward or (forward == best_forward and better):
-            best_forward = forward
-            stats = {**attempt.stats, "slowdown": slowdown, "rounds": round_ + 1, "notes": notes}
-            best = SectionPlan(nodes.dilated(kappa), np.nan, stats)
-        accepted = forward and slowdown <= (_MET if task.prescribed else _ACCEPTED_SLOWDOWN)
-        if accepted or time.perf_counter() > deadline:
+        this = Round.of(task, number, attempt, stage.path)
+        best = this if best is None or this.is_better_than(best, task) else best
+        idle = effort.free and number < _IDLE_ROUNDS and attempt.idle > _UNBOUND
+        if (this.is_accepted(task) and not idle) or time.perf_counter() > deadline:
             break
-        may_split = not forward or slowdown > (_TOO_COARSE if effort.free else _HOPELESS)
-        may_split &= stage.grid.intervals < most
-        stage, attempt = stage.next(task, attempt, used, may_split=may_split)
+        may_split = stage.grid.intervals < most and (idle or this.is_too_coarse(effort))
+        stage, attempt = stage.next(task, attempt, this.used, may_split=may_split)
     if best is None:
         raise SolverError("no round of refinement was run")
     _require_met(task, best)
-    best.stats["solve_cpu_s"], best.stats["first_solve_cpu_s"] = spent, first
+    stats = {**best.stats, "notes": notes, "solve_cpu_s": spent, "first_solve_cpu_s": first}
+    _say_slowing_down(best, stats)
     bound = without_jerk(section, limits, stage.grid)[1]
-    return replace(best, lower_bound=min(bound, float(best.nodes.t[-1])))
+    return SectionPlan(best.nodes, min(bound, float(best.nodes.t[-1])), stats)
+
+
+@dataclass(frozen=True, eq=False)
+class Round:
+    """What came out of one round: the law, slowed down until it keeps its limits, and how it was before.
+
+    ``slowdown``: by which factor it was too fast; ``forward``: u falls back nowhere, but for rounding.
+    """
+
+    number: int
+    nodes: TimeNodes
+    used: Utilisation
+    slowdown: float
+    forward: bool
+    stats: dict[str, Any]
+
+    @classmethod
+    def of(cls, task: Task, number: int, attempt: Attempt, path: Parameter) -> Round:
+        """Measure an attempt between its nodes."""
+        nodes = attempt.law.nodes(path)
+        used = utilisation(task.section.curve, task.limits, nodes)
+        slowdown = float(used.slowdown.max())
+        kappa = 1.0 if task.prescribed else max(1.0, slowdown * (1.0 + PEAK_MARGIN))
+        forward = bool((used.backward <= _BACKWARD * float(np.abs(nodes.u_rate).max())).all())
+        stats = {**attempt.stats, "slowdown": slowdown, "rounds": number + 1}
+        return cls(number, nodes.dilated(kappa), used, slowdown, forward, stats)
+
+    def is_better_than(self, other: Round, task: Task) -> bool:
+        """Forward first; then sooner, or where nothing may be slowed down, closer to its limits."""
+        if self.forward != other.forward:
+            return self.forward
+        if task.prescribed:
+            return self.slowdown < other.slowdown
+        return bool(self.nodes.t[-1] < other.nodes.t[-1])
+
+    def is_accepted(self, task: Task) -> bool:
+        """It keeps its limits as it is, or nearly so where it may be slowed down."""
+        return self.forward and self.slowdown <= (_MET if task.prescribed else _ACCEPTED_SLOWDOWN)
+
+    def is_too_coarse(self, effort: Effort) -> bool:
+        """The grid should be refined rather than the limits tightened."""
+        limit = _TOO_COARSE if effort.free else _HOPELESS
+        return not self.forward or self.slowdown > (limit if self.number < _TIGHTENING_ROUNDS else _WORTH_SAYING)
 
 
 def _coarse(task: Task, intervals: int) -> Attempt | None:
@@ -297,13 +351,25 @@ def _coarse(task: Task, intervals: int) -> Attempt | None:
     return None
 
 
-def _require_met(task: Task, best: SectionPlan) -> None:
+def _say_slowing_down(best: Round, stats: dict[str, Any]) -> None:
+    """Say so where a plan is a good deal slower than what was solved for."""
+    if best.slowdown > _WORTH_SAYING:
+        percent = 100.0 * (best.slowdown - 1.0)
+        if stats["status"] in {"optimal", "feasible"}:
+            stats["status"] = f"slowed down by {percent:.2g} %"
+        stats["notes"].append(
+            f"slowed down as a whole by {percent:.2g} %, for what the plan would use of its limits at u = "
+            f"{best.nodes.u[int(best.used.slowdown.argmax())]:.6g}: refining the grid there did not help"
+        )
+
+
+def _require_met(task: Task, best: Round) -> None:
     """Refuse a plan that exceeds its limits and cannot be slowed down, since its feeds are prescribed."""
-    if task.prescribed and best.stats["slowdown"] > _ALMOST_MET:
+    if task.prescribed and best.slowdown > _ALMOST_MET:
         section = task.section
         raise SolverError(
             f"the plan from start_feed = {section.start_feed or 0.0:g} to end_feed = {section.end_feed or 0.0:g} mm/s "
-            f"still exceeds its limits, {best.stats['slowdown']:.6g} times as fast as allowed; try other feeds or more "
+            f"still exceeds its limits, {best.slowdown:.6g} times as fast as allowed; try other feeds or more "
             "intervals"
         )
 

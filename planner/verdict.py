@@ -90,7 +90,7 @@ class Verdict:
             told = {f"exact stop at u = {stop.u:.6g}" for stop in self.program.stops}
             notes = [*self.program.notes, *(note for note in notes if note not in told)]
         if (status := self.profile.stats.get("status", "optimal")) not in {"optimal", "feasible"}:
-            notes.append(f"the solver ended early ({status}): the gap says how much time may be left in the plan")
+            notes.append(f"not the optimum ({status}): the gap says how much time may be left in the plan")
         if self.profile.method == "toppra" and not self.ok:
             notes.append("the method toppra knows no jerk limit: compare with its time, but do not cut with its plan")
         return notes

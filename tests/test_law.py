@@ -13,7 +13,7 @@ from planner.geometry.catalog import load_curve
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
 from planner.grid import place_knots, scan, with_blends
-from planner.law import SpeedLaw, TimeNodes, utilisation
+from planner.law import SpeedLaw, TimeNodes, _advance, _in_step, utilisation
 from planner.limits import Limits
 from planner.profile import evaluate_law
 from planner.sections import cut
@@ -255,6 +255,35 @@ def test_a_peak_between_two_points_is_estimated(place):
     limits = Limits(np.inf, [np.inf] * 2, [np.inf] * 2, [scale, np.inf])
     used = utilisation(line, limits, nodes).jerk
     assert used[::2] == pytest.approx(np.ones(count), rel=1e-8)
+
+
+@pytest.mark.parametrize("height", [0.999, 1.001])
+def test_a_peak_that_parabolas_miss_is_found_where_it_decides(height):
+    """A whole blend within two intervals of a law: its jerk has peaks between the points that are looked at first."""
+    blend = NurbsCurve([[0.0, 0.0], [4.0, 0.0], [6.0, 0.0], [6.0, 2.0], [6.0, 6.0]], [0, 0, 0, 0, 0.5, 1, 1, 1, 1], 3)
+    nodes = TimeNodes(
+        np.array([0.0, 0.4, 1.0]), np.array([0.0, 0.5, 1.0]), np.array([1.0, 1.5, 0.6]), np.array([1.0, 0.2, -2.0])
+    )
+    free = Limits(np.inf, [np.inf] * 2, [np.inf] * 2, [1.0, 1.0])
+    peak = by_brute_force(blend, free, nodes, 20001)[2].max()
+    limits = Limits(np.inf, [np.inf] * 2, [np.inf] * 2, [peak / height] * 2)
+    assert utilisation(blend, limits, nodes).jerk.max() == pytest.approx(height, abs=1e-6)
+
+
+@pytest.mark.parametrize("offset", [0.0, 1e3, 1e6])
+def test_steps_of_close_nodes_are_those_of_the_law_and_not_of_its_digits(offset):
+    """u = offset + sin t / 3 at points 1e-5 apart: the last digits of u are worth more than the whole third derivative."""
+    t = np.arange(4001) * 1e-5
+    exact = np.sin(t) / 3.0
+    noise = np.random.default_rng(1).uniform(-4.0, 4.0, t.size) * np.spacing(offset + 1.0)
+    u = np.stack([offset + exact + noise, np.cos(t) / 3.0, -np.sin(t) / 3.0, -np.cos(t) / 3.0])
+    u[0, [0, -1]] = offset + exact[[0, -1]]
+    ends = np.zeros(t.size, dtype=bool)
+    ends[[0, -1]] = True
+    advance, nodes = _in_step(u[0], _advance(np.diff(t), u), ends)
+    assert np.abs(advance - np.diff(exact)).max() <= 1e-12 * exact[-1] + 8.0 * np.spacing(offset + 1.0) / t.size
+    assert np.abs(np.diff(nodes) - advance).max() <= np.spacing(offset + 1.0)
+    assert nodes[[0, -1]].tolist() == u[0, [0, -1]].tolist()
 
 
 def test_every_interval_of_a_long_law_has_its_peak_estimated():

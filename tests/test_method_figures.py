@@ -12,6 +12,7 @@ from PIL import Image
 
 from benchmarks import method
 from benchmarks import method_figures as figures
+from planner.solvers import optimal
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 SMALL = 120
@@ -52,7 +53,7 @@ def test_every_iterate_from_the_scan_is_feasible_and_the_last_is_the_optimum(cir
     run = method.trace(method.constraints(circle, SMALL))
     assert run.used.max() <= 1.0 + 1e-9
     assert run.time[-1] == run.time.min()
-    assert run.gap[-1] < 1e-5 < run.gap[-2]
+    assert run.gap[-1] < optimal.GAP_TOLERANCE < run.gap[-2]
 
 
 def test_the_relaxation_meets_the_optimum_from_below(circle):

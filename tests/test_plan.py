@@ -21,10 +21,13 @@ from planner import (
     load_curve,
     load_limits,
     plan_feedrate,
+    refine,
 )
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
 from planner.plots import plot_plan, save_plot
+from planner.programs.path import program_path
+from planner.programs.reader import read_program
 from planner.solvers import optimal
 
 # s at 100 and 300 mm/s: three independent solvers agree within 1e-4; without jerk limit by toppra
@@ -516,3 +519,69 @@ def test_a_round_that_fails_leaves_the_plan_before_it(monkeypatch: pytest.Monkey
     assert "refinement ended after 1 rounds: planted" in profile.stats["notes"]
     assert whole.duration < profile.duration < 1.02 * whole.duration
     assert check(curve, limits, profile).ok
+
+
+# ---- more intervals, and what is said of a plan ----------------------------------------------------------------------
+
+
+def grid_cases() -> dict[str, tuple[Curve, Limits]]:
+    found = {
+        f"{name} {feed:g}": (load_curve(name, scale=scale), plane(feed))
+        for name, scale in OPTIMA
+        for feed in (100.0, 300.0)
+    }
+    free = Limits(250.0, [np.inf] * 2, [2000.0] * 2, [20000.0] * 2)
+    found["butterfly-nurbs 250"] = load_curve("butterfly-nurbs"), free
+    found["flank"] = load_curve("flank"), load_limits("five-axis")
+    slots = read_program(Path(__file__).parent / "data" / "programs" / "slots.ngc")
+    found["slots"] = program_path(slots, 0.01, plane()).curve, plane()
+    return found
+
+
+def assert_no_slower_with_more(name: str, *counts: int) -> None:
+    curve, limits = grid_cases()[name]
+    durations = []
+    for count in counts:
+        profile = plan_feedrate(curve, limits, intervals=count)
+        report = check(curve, limits, profile)
+        assert report.ok, f"{count} intervals: {report}"
+        durations.append(profile.duration)
+    assert (np.diff(durations) <= 1e-6 * np.array(durations[1:])).all(), durations
+
+
+@pytest.mark.parametrize("name", ["teardrop 100", "hypotrochoid 100", "circle 300", "butterfly-nurbs 250"])
+def test_more_intervals_never_make_a_plan_slower(name):
+    assert_no_slower_with_more(name, 500, 1000, 2000, 4000)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", grid_cases())
+def test_no_number_of_intervals_makes_a_plan_slower(name):
+    assert_no_slower_with_more(name, 500, 1000, 2000, 4000, 16000)
+
+
+@pytest.mark.parametrize("name", ["teardrop 300", pytest.param("flank", marks=pytest.mark.slow)])
+def test_sixty_thousand_intervals_keep_the_limits(name):
+    curve, limits = grid_cases()[name]
+    profile = plan_feedrate(curve, limits, intervals=60_000)
+    report = check(curve, limits, profile)
+    assert report.ok, report
+    assert profile.duration <= plan_feedrate(curve, limits, intervals=1000).duration
+
+
+def test_something_holds_a_plan_back_nearly_all_the_time():
+    curve, limits = load_curve("butterfly-nurbs"), load_limits("mill")
+    profile = plan_feedrate(curve, limits.for_curve(curve))
+    assert profile.shares().get("none", 0.0) <= 0.03
+
+
+def test_a_plan_that_was_slowed_down_says_so_and_still_names_what_binds(monkeypatch):
+    # As if the first round had been the last: 24 intervals are far too few, and the law between them too fast.
+    monkeypatch.setattr(refine, "_MAX_ROUNDS", 1)
+    curve = load_curve("butterfly", scale=10.0)
+    profile = plan_feedrate(curve, plane(), intervals=60)
+    assert profile.stats["slowdown"] > 1.01
+    assert profile.stats["status"].startswith("slowed down by")
+    assert any("slowed down as a whole" in note for note in profile.stats["notes"])
+    assert check(curve, plane(), profile).ok
+    assert profile.shares().get("none", 0.0) < 0.8

@@ -61,8 +61,6 @@ class Part:
         """Plan the curve; options as for ``plan_feedrate``."""
         from planner import plan_feedrate
 
-        if options.get("intervals") is None:
-            options["intervals"] = None if self.path is None else self.path.intervals
         profile = plan_feedrate(self.curve, self.limits, progress=line, **options)
         return replace(profile, stats={**profile.stats, "origin": dict(self.origin)}) if self.origin else profile
 

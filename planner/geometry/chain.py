@@ -23,6 +23,7 @@ from planner.geometry.fit import interpolate
 _FIT_TOLERANCE = 1e-13  # of the unit tangent
 _MAX_HALVINGS = 24
 _PROBES = 24
+_INTERVALS = np.array([4, 200, 4])  # of a plan that resolve a leg, a blend and a span
 
 
 class Kind(IntEnum):
@@ -110,6 +111,12 @@ class ChainCurve(Curve):
 
     def _candidate_breaks(self) -> FloatArray:
         return np.union1d(self.edges[1:-1], self.marks)
+
+    def intervals_needed(self, start: float, end: float) -> int:
+        """By kind: a blend is short against the path, and passed within few milliseconds."""
+        first = np.searchsorted(self.edges, start, side="right") - 1
+        last = np.searchsorted(self.edges, end, side="left")
+        return int(_INTERVALS[self.kind[max(first, 0) : last]].sum())
 
     @cached_property
     def breaks(self) -> tuple[Break, ...]:

@@ -241,6 +241,10 @@ class Curve(ABC):
         """Interior parameters at which a derivative may jump."""
         return np.empty(0)
 
+    def intervals_needed(self, start: float, end: float) -> int:
+        """How many intervals of a plan resolve the features between two parameters, as far as the curve knows of any."""
+        return 0
+
 
 @dataclass(frozen=True, eq=False)
 class AxesSubset(Curve):

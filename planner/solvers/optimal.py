@@ -29,7 +29,7 @@ Rules of one iteration
 4.  Separate primal and dual step lengths, a fraction clip(1 - gap/T, 0.9, 0.995) of the way to the boundary; x falls by
     90 % at most.  No line search is needed, by the consequence above.
 
-It stops when sum(s l) is below 1e-5 of the time (less where some intervals take hardly any time) and no row is violated
+It stops when sum(s l) is below 1e-6 of the time (less where some intervals take hardly any time) and no row is violated
 by more than 1e-9.
 
 End conditions.  A rest needs none (the rest map).  A prescribed feed fixes x at the first or last knot, a prescribed
@@ -53,7 +53,7 @@ from planner.constraints import Constraints
 from planner.errors import SolverError
 from planner.geometry.curve import FloatArray, dot
 
-GAP_TOLERANCE = 1e-5
+GAP_TOLERANCE = 1e-6
 _FINEST_GAP, _SMALLEST_SHARE = 1e-10, 1e-3
 _MAX_ITERATIONS = 150
 _FEASIBLE = 1e-9
@@ -194,7 +194,7 @@ def solve(
     inside : float
         Share of the limits that the start is slowed down to: less for a rough one.
     tolerance : float
-        Relative gap at which to stop; if left out, 1e-5, or less where some intervals take hardly any time.
+        Relative gap at which to stop; if left out, 1e-6, or less where some intervals take hardly any time.
     deadline : float
         Value of ``time.perf_counter()`` at which to stop with the iterate at hand.
     progress : callable, optional
