@@ -174,11 +174,13 @@ def _conditions(
     known, fixed = np.zeros(count), [np.empty(0, dtype=np.intp)]
     ends = []
     for end, feed in ((0, section.start_feed), (1, section.end_feed)):
+        if feed is None:  # a rest says nothing: q' and q_dd vanish there
+            continue
         k = track.full[[0 if end == 0 else -1]]
         rows, cap = _pull_rows(track, of, units, k, end)
         begin = int(k[0]) * width
         ends.append((begin, rows[0], float(cap[0])))
-        if feed is None or np.isnan(feed):
+        if np.isnan(feed):
             continue
         at = track.points(k, np.array([float(end)]))
         x = (feed / at.first[-1, 0]) ** 2
