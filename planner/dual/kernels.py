@@ -112,7 +112,7 @@ def factor(fixed, band):
         for j in range(max(0, i - last), i):
             shift = i - j
             total = band[i, last - shift]
-            begin = max(0, shift - j)
+            begin = max(0, last - i)
             for c in range(begin, last - shift):
                 total -= band[i, c] * band[j, c + shift]
             band[i, last - shift] = total * band[j, last]

@@ -23,7 +23,7 @@ from planner.constraints import path_at
 from planner.geometry.curve import Curve, FloatArray, curvature, dot
 from planner.grid import Grid
 from planner.limits import Limits, chord_feed_limit
-from planner.sections import Section
+from planner.sections import Section, axis_weights
 
 IntArray = NDArray[np.intp]
 
@@ -33,6 +33,7 @@ _ROOT = 0.5 / np.sqrt(5.0)
 RULE_NODES = np.array([INSIDE, 0.5 - _ROOT, 0.5 + _ROOT, 1.0 - INSIDE])
 RULE_WEIGHTS = np.array([1.0, 5.0, 5.0, 1.0]) / 12.0
 _DIGITS = 32.0  # of u, that say nothing of a way between two knots
+_LEAST_SHARE = 0.05  # of the motions of all axes, weighted
 _WAY_MARGIN = 1.01  # ways are sums of largest values at samples
 
 
@@ -210,6 +211,9 @@ class Track:
     def _reached(self, first: FloatArray, way: FloatArray, v0: FloatArray, ramps: NDArray[np.bool_]) -> FloatArray:
         """Largest u_dot^2 that the motions reach on their ways."""
         limits = self.limits
+        # A motion that hardly takes part says little, and rounding could be all there is of its way.
+        share = np.abs(first[:-1]) * axis_weights(limits)[:, None]
+        first = np.vstack([np.where(share >= _LEAST_SHARE * share.max(axis=0), first[:-1], 0.0), first[-1:]])
         acceleration = np.append(limits.acceleration, limits.tangential_acceleration)[:, None]
         jerk = np.append(limits.jerk, limits.tangential_jerk)[:, None]
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
