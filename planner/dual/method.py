@@ -34,9 +34,9 @@ from numpy.typing import NDArray
 from planner.errors import SolverError
 from planner.geometry.curve import FloatArray
 
-_TOLERANCE = 2e-6
+_TOLERANCE = 3e-6
 _MAX_ITERATIONS = 80
-_CENTRING = 0.2  # of the start
+_INSIDE, _ROOM, _CENTRING = 0.6, 1.05, 0.1  # of the start: x against the guess, y against x^(-1/2), products against y
 _HOPE = 2.0  # weight of the hoped-for gain in the centring
 _LARGEST_FALL = 0.9
 
@@ -91,9 +91,9 @@ class State:
         jerks, accelerations = problem.axes
         count = problem.cap.size
         self.points = np.zeros((count, 5 + 3 * (jerks + accelerations)))
-        x = np.minimum(0.5 * problem.guess, 0.5 * problem.cap)
+        x = np.minimum(_INSIDE * problem.guess, 0.5 * problem.cap)
         root = x**-0.5
-        y = 2.0 * root
+        y = _ROOM * root
         share = _CENTRING * y
         self.points[:, 0], self.points[:, 1], self.points[:, 2] = y, x, y - root
         self.points[:, 3], self.points[:, 4] = share / (y - root), share / (problem.cap - x)

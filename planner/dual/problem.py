@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from planner.dual.method import Problem, best_multipliers
-from planner.dual.terms import RULE_NODES, RULE_WEIGHTS, Multiplied, Track
+from planner.dual.terms import RULE_NODES, RULE_WEIGHTS, IntArray, Multiplied, Points, Track, jump_cap
 from planner.dual.value import Splines, normalised, seam_price, value
 from planner.geometry.curve import FloatArray
 from planner.grid import Scan
@@ -131,8 +131,8 @@ def _guess(track: Track, guess: Scan, k: FloatArray, r: FloatArray) -> FloatArra
     return np.asarray(np.interp(track.sigma[k] + r * track.h[k], centre, rate) ** 2)
 
 
-def _pull_rows(track: Track, of: Multiplied, units: tuple[float, float], k: FloatArray, end: int) -> tuple[FloatArray, ...]:
-    """Row (cells, local) of 1/2 sum f q' at the ends of cells in the method's units, and x's cap there."""
+def _pull_rows(track: Track, of: Multiplied, units: tuple[float, float], k: IntArray, end: int) -> tuple[FloatArray, Points]:
+    """Row (cells, local) of 1/2 sum f q' at the ends of cells in the method's units, and the path there."""
     length, tau = units
     at = track.points(k, np.full(k.size, float(end)))
     jerks, width = of.jerk.size, of.jerk.size + of.acceleration.size
@@ -143,7 +143,7 @@ def _pull_rows(track: Track, of: Multiplied, units: tuple[float, float], k: Floa
     for a in range(3):
         rows[:, a * width : a * width + jerks] = -(slope[a] * first_j).T
     rows[:, end * width + jerks : (end + 1) * width] = first_a.T
-    return rows, at.cap / (length / tau) ** 2
+    return rows, at
 
 
 def _atoms(track: Track, of: Multiplied, length: float, tau: float) -> tuple[FloatArray, FloatArray]:
@@ -155,12 +155,15 @@ def _atoms(track: Track, of: Multiplied, length: float, tau: float) -> tuple[Flo
     rows, caps = np.zeros((track.h.size, 2 * width + jerks)), np.ones(track.h.size)
     empty = np.flatnonzero(track.h == 0.0)
     if empty.size:
-        before, cap = _pull_rows(track, of, (length, tau), empty - 1, 1)
-        after, other = _pull_rows(track, of, (length, tau), empty + 1, 0)
+        before, at = _pull_rows(track, of, (length, tau), empty - 1, 1)
+        after, beyond = _pull_rows(track, of, (length, tau), empty + 1, 0)
         # l' to the left of a double knot is of the control values k and k + 1, to its right of k + 1 and k + 2
         rows[empty, : width + jerks] += before[:, width:]
         rows[empty, width:] -= after[:, : width + jerks]
-        caps[empty] = np.minimum(cap, other)
+        caps[empty] = np.minimum(at.cap, beyond.cap)
+        at_jump = track.jumps
+        caps[at_jump] = np.minimum(caps[empty], jump_cap(track.limits, at, beyond))[at_jump[empty]]
+        caps[empty] *= (tau / length) ** 2
     return rows, np.where(np.isfinite(caps), caps, 1.0 / np.finfo(float).eps)
 
 
@@ -177,12 +180,11 @@ def _conditions(
         if feed is None:  # a rest says nothing: q' and q_dd vanish there
             continue
         k = track.full[[0 if end == 0 else -1]]
-        rows, cap = _pull_rows(track, of, units, k, end)
+        rows, at = _pull_rows(track, of, units, k, end)
         begin = int(k[0]) * width
-        ends.append((begin, rows[0], float(cap[0])))
+        ends.append((begin, rows[0], float(at.cap[0]) * (tau / length) ** 2))
         if np.isnan(feed):
             continue
-        at = track.points(k, np.array([float(end)]))
         x = (feed / at.first[-1, 0]) ** 2
         sign = 2.0 * end - 1.0
         known[begin : begin + rows.shape[1]] += sign * rows[0] * x * (tau / length) ** 2

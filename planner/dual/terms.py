@@ -33,6 +33,7 @@ _ROOT = 0.5 / np.sqrt(5.0)
 RULE_NODES = np.array([INSIDE, 0.5 - _ROOT, 0.5 + _ROOT, 1.0 - INSIDE])
 RULE_WEIGHTS = np.array([1.0, 5.0, 5.0, 1.0]) / 12.0
 _DIGITS = 32.0  # of u, that say nothing of a way between two knots
+STEP_SEEN = 0.75  # of a unit step of the acceleration in the jerk of samples times their period
 _LEAST_SHARE = 0.05  # of the motions of all axes, weighted
 _WAY_MARGIN = 1.01  # ways are sums of largest values at samples
 
@@ -245,6 +246,30 @@ class Track:
         ramps[0] = forward & before & (self.section.start_feed is None)
         ramps[1] = backward & after & (self.section.end_feed is None)
         return replace(self, way=way, rise=rise, ramps=ramps)
+
+
+def largest_steps(limits: Limits) -> FloatArray:
+    """Largest step of each axis' acceleration that a check grants, (dim,): one of D is seen as the jerk 0.75 D / T."""
+    return np.minimum(limits.jerk * limits.period / STEP_SEEN, 2.0 * limits.acceleration)
+
+
+def jump_cap(limits: Limits, before: Points, after: Points) -> FloatArray:
+    """Largest x (k,) at curvature jumps, any step of the acceleration along the path being allowed for.
+
+    The axes' accelerations step by D_j = [q_j''] x + q_j' a; without a, for each pair of axes,
+    |[q_i''] q_j' - [q_j''] q_i'| x <= |D_i q_j'| + |D_j q_i'|.
+    """
+    largest, dim = largest_steps(limits), limits.dim
+    slope, step = np.abs(before.first[:dim]), after.second[:dim] - before.second[:dim]
+    cap = np.full(slope.shape[1], np.inf)
+    for i in range(dim):
+        for j in range(i):
+            cross = np.abs(step[i] * before.first[j] - step[j] * before.first[i])
+            with np.errstate(divide="ignore", invalid="ignore"):
+                both = np.where(slope[j] > 0.0, largest[i] * slope[j], 0.0)
+                both += np.where(slope[i] > 0.0, largest[j] * slope[i], 0.0)
+                cap = np.fmin(cap, both / cross)
+    return cap
 
 
 def _kept(low: FloatArray, high: FloatArray) -> NDArray[np.bool_]:

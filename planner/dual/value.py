@@ -21,7 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.dual.terms import IntArray, Multiplied, Points, Track
+from planner.dual.terms import RULE_NODES, STEP_SEEN, IntArray, Multiplied, Points, Track, jump_cap, largest_steps
 from planner.geometry.curve import FloatArray
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
@@ -30,7 +30,8 @@ _TARGET = 1e-9  # of the integral: the difference between parts and halves to be
 _LEVELS = 14
 _SLIVER = 1e-9  # of a cell: parts shorter than this are not cut off
 _ROUNDING = 1e-14
-_STEP_SEEN, _WINDOW = 0.75, 1.5  # a unit step in the jerk of samples times their period, and its reach in periods
+_CAP_MARGIN = 1.05  # of the largest cap at samples of a cell
+_WINDOW = 1.5  # periods before and after a step of the acceleration in which samples see it
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,9 +211,10 @@ def _between(splines: Splines) -> float:
         return 0.0
     before, after = _sides(splines, empty - 1, 1), _sides(splines, empty + 1, 0)
     pull, cap = before.pull - after.pull, np.minimum(before.at.cap, after.at.cap)
+    jump = np.flatnonzero(track.jumps[empty])
+    cap[jump] = np.minimum(cap, jump_cap(track.limits, before.at, after.at))[jump]
     with np.errstate(invalid="ignore"):
         total = float(np.sum(np.where(pull < 0.0, pull * cap, 0.0)))
-    jump = np.flatnonzero(track.jumps[empty])
     if jump.size:
         spared = _spared(splines, empty[jump])
         total -= float(sum(_step_price(splines, before, i, spared[:, n]) for n, i in enumerate(jump)))
@@ -226,8 +228,8 @@ def _step_price(splines: Splines, side: _Sides, i: int, spared: FloatArray) -> f
     linear = np.array(splines.track.section.curve.axis_units) == "mm"
     along = np.where(linear, np.abs(side.at.first[:-1, i]) / tip, 0.0) if tip > 0.0 else np.zeros(dim)
     cost = np.abs(side.load[:dim, i]) + np.abs(side.load[-1, i]) * along
-    cost -= 2.0 * _WINDOW * _STEP_SEEN * spared[:dim] / limits.jerk
-    largest = np.minimum(limits.jerk * limits.period / _STEP_SEEN, 2.0 * limits.acceleration)
+    cost -= 2.0 * _WINDOW * STEP_SEEN * spared[:dim] / limits.jerk
+    largest = largest_steps(limits)
     paid = cost > 0.0
     return float(np.sum(cost[paid] * largest[paid]))
 
@@ -236,10 +238,9 @@ def _spared(splines: Splines, jumps: IntArray) -> FloatArray:
     """Min |l_j| within 1.5 periods of each jump, (K, jumps); 0 for those that are not alone there."""
     track, of = splines.track, splines.of
     least = np.zeros(track.sigma.size - 1)
-    nodes, full = np.array([0.25, 0.75]), track.full
-    cap = track.points(np.repeat(full, 2), np.tile(nodes, full.size)).cap.reshape(-1, 2)
-    # the shortest time over a cell is at least that at half again the larger of two caps
-    least[full] = track.h[full] / np.sqrt(2.25 * cap.max(axis=1))
+    nodes, full = RULE_NODES, track.full
+    cap = track.points(np.repeat(full, nodes.size), np.tile(nodes, full.size)).cap.reshape(-1, nodes.size)
+    least[full] = track.h[full] / np.sqrt(_CAP_MARGIN * cap.max(axis=1))
     times = np.append(0.0, np.cumsum(least))
     at, reach = times[jumps], _WINDOW * track.limits.period
     around = np.diff(np.concatenate([[-np.inf], at, [np.inf]]))
