@@ -31,7 +31,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.errors import SolverError
 from planner.geometry.curve import FloatArray
 
 _TOLERANCE = 3e-6
@@ -123,8 +122,9 @@ class _Newton:
 
         self.problem, self.band = problem, band
         kernels.assemble(*_structure(problem), state.points, state.atoms, reduced, band)
-        if not kernels.factor(problem.fixed, band) > 0.0:
-            raise SolverError("the system of the lower bound is singular")
+        self.regular = kernels.factor(problem.fixed, band) > 0.0
+        if not self.regular:
+            return
         self.border = problem.seam
         stiff = np.zeros(len(problem.seam))
         if problem.seam_row is not None:
@@ -158,26 +158,13 @@ def _structure(problem: Problem) -> tuple[Any, ...]:
     )
 
 
-def best_multipliers(problem: Problem, *, tolerance: float = _TOLERANCE) -> FloatArray:
-    """Find the best control values theta, to a relative gap; any theta is valid, so it stops where it cannot go on.
-
-    Raises
-    ------
-    SolverError
-        If not even one step was possible.
-    """
-    state = State(problem)
-    work = _Work(problem)
-    for count in range(_MAX_ITERATIONS):
-        try:
-            moved = _iterate(problem, state, work)
-        except SolverError:
-            if count == 0:
-                raise
+def best_multipliers(problem: Problem, *, tolerance: float = _TOLERANCE) -> State:
+    """Find the best multipliers ``theta``, to a relative gap; any are valid, so it stops where it cannot go on."""
+    state, work = State(problem), _Work(problem)
+    for _ in range(_MAX_ITERATIONS):
+        if not _iterate(problem, state, work) or state.gap < tolerance * state.time:
             break
-        if not moved or state.gap < tolerance * state.time:
-            break
-    return state.theta
+    return state
 
 
 class _Work:
@@ -196,10 +183,12 @@ class _Work:
 
 
 def _iterate(problem: Problem, state: State, work: _Work) -> bool:
-    """One predictor-corrector step; False where the step length vanishes."""
+    """One predictor-corrector step; False where the system is singular or the step length vanishes."""
     from planner.dual import kernels
 
     newton = _Newton(problem, state, work.reduced, work.band)
+    if not newton.regular:
+        return False
     _direction(problem, state, work, newton, 0.0, 0.0)
     primal, dual = _length(work.out[0], 1.0), _length(work.out[1], 1.0)
     gap = state.gap + dual * work.out[3] + primal * work.out[4] + primal * dual * work.out[5]

@@ -25,25 +25,33 @@ def best_splines(track: Track, guess: Scan, *, periodic: bool, rounds: int = _RO
     Returns
     -------
     value : float
-        s; -inf where nothing caps the speed somewhere.
+        s; at least what the caps of the speed alone prove.
     splines : Splines
         With sum |l| <= 1.
     """
     margin = np.ones(track.sigma.size - 1)
-    best: tuple[float, Splines] | None = None
+    best = _valued(_none(track), periodic)
     for _ in range(rounds):
-        problem, units = _problem(track, guess, margin, periodic)
-        splines, load = normalised(_splines(track, best_multipliers(problem), units))
-        found = value(splines)[0]
-        if periodic:
-            found += seam_price(splines, splines)
-        if best is None or found > best[0]:
-            best = found, splines
+        problem, units = problem_of(track, guess, margin, periodic=periodic)
+        splines, load = normalised(_splines(track, best_multipliers(problem).theta, units))
+        found = _valued(splines, periodic)
+        if found[0] > best[0]:
+            best = found
         if load.max() <= _LOAD_MET:
             break
         margin = np.where(load > _LOAD_TOUCHED, margin * load * _MARGIN, margin)
-    assert best is not None
     return best
+
+
+def _valued(splines: Splines, periodic: bool) -> tuple[float, Splines]:
+    seam = seam_price(splines, splines) if periodic else 0.0
+    return value(splines)[0] + seam, splines
+
+
+def _none(track: Track) -> Splines:
+    """No multipliers: what the caps alone prove."""
+    of, knots = Multiplied.of(track.limits, track.section.curve), track.sigma.size
+    return Splines(track, of, np.zeros((of.jerk.size, knots + 1)), np.zeros((of.acceleration.size, knots)))
 
 
 def _splines(track: Track, theta: FloatArray, units: tuple[float, float]) -> Splines:
@@ -55,7 +63,9 @@ def _splines(track: Track, theta: FloatArray, units: tuple[float, float]) -> Spl
     return Splines(track, of, jerk, np.ascontiguousarray(table[of.jerk.size :, :-1]) * (tau / length))
 
 
-def _problem(track: Track, guess: Scan, margin: FloatArray, periodic: bool) -> tuple[Problem, tuple[float, float]]:
+def problem_of(
+    track: Track, guess: Scan, margin: FloatArray, *, periodic: bool
+) -> tuple[Problem, tuple[float, float]]:
     """Arrays of the method, and its units of length (of sigma) and time (s): a cell has about the length and time 1."""
     of = Multiplied.of(track.limits, track.section.curve)
     jerks, width = of.jerk.size, of.jerk.size + of.acceleration.size
