@@ -7,7 +7,6 @@ the one that every plan carries from fewer.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +15,7 @@ from planner.certificate import Certificate, CertificateSection
 from planner.check import check
 from planner.dual.problem import best_splines
 from planner.dual.terms import Multiplied, Track
-from planner.dual.value import Splines, value
+from planner.dual.value import Splines
 from planner.errors import InputError, SolverError
 from planner.geometry.curve import Curve
 from planner.grid import place_knots, scan, with_blends

@@ -29,9 +29,7 @@ RULE = 4  # points of a cell
 _FAST = {"reassoc", "nsz", "contract", "arcp"}
 
 
-@njit(
-    NOTHING(CELLS, POINTS, ATOMS, READ2, READ2, WRITE2, WRITE2), cache=True, fastmath=_FAST, error_model="numpy"
-)
+@njit(NOTHING(CELLS, POINTS, ATOMS, READ2, READ2, WRITE2, WRITE2), cache=True, fastmath=_FAST, error_model="numpy")
 def assemble(cells, points, atoms, state, atom_state, reduced, band):
     """Eliminate everything but theta: the reduced quantities of every point, and the band of S (row i: S[i, i - w..i])."""
     first, J, A = cells

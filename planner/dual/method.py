@@ -203,9 +203,7 @@ def _iterate(problem: Problem, state: State, work: _Work) -> bool:
     state.theta = state.theta + dual * (theta - state.theta)
     state.seam[0] += primal * work.seam[0]
     state.seam[1:] += dual * work.seam[1:]
-    kernels.advance(
-        *_structure(problem), primal, dual, work.step, work.atoms, state.points, state.atoms, work.out[:2]
-    )
+    kernels.advance(*_structure(problem), primal, dual, work.step, work.atoms, state.points, state.atoms, work.out[:2])
     x, low, high = state.seam
     state.gap, state.time = float(work.out[0] + x * low + (problem.seam_cap - x) * high), float(work.out[1])
     return True

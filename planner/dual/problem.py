@@ -63,9 +63,7 @@ def _splines(track: Track, theta: FloatArray, units: tuple[float, float]) -> Spl
     return Splines(track, of, jerk, np.ascontiguousarray(table[of.jerk.size :, :-1]) * (tau / length))
 
 
-def problem_of(
-    track: Track, guess: Scan, margin: FloatArray, *, periodic: bool
-) -> tuple[Problem, tuple[float, float]]:
+def problem_of(track: Track, guess: Scan, margin: FloatArray, *, periodic: bool) -> tuple[Problem, tuple[float, float]]:
     """Arrays of the method, and its units of length (of sigma) and time (s): a cell has about the length and time 1."""
     of = Multiplied.of(track.limits, track.section.curve)
     jerks, width = of.jerk.size, of.jerk.size + of.acceleration.size
@@ -141,7 +139,9 @@ def _guess(track: Track, guess: Scan, k: FloatArray, r: FloatArray) -> FloatArra
     return np.asarray(np.interp(track.sigma[k] + r * track.h[k], centre, rate) ** 2)
 
 
-def _pull_rows(track: Track, of: Multiplied, units: tuple[float, float], k: IntArray, end: int) -> tuple[FloatArray, Points]:
+def _pull_rows(
+    track: Track, of: Multiplied, units: tuple[float, float], k: IntArray, end: int
+) -> tuple[FloatArray, Points]:
     """Row (cells, local) of 1/2 sum f q' at the ends of cells in the method's units, and the path there."""
     length, tau = units
     at = track.points(k, np.full(k.size, float(end)))

@@ -110,7 +110,9 @@ def _parts(splines: Splines) -> tuple[IntArray, FloatArray, FloatArray]:
     some = upper - lower > 0.0
     cells = np.broadcast_to(full[cut][:, None], lower.shape)[some]
     k = np.concatenate([full[whole], cells])
-    lower, upper = (np.concatenate([end, part[some]]) for end, part in ((np.zeros(whole.size), lower), (np.ones(whole.size), upper)))
+    lower, upper = (
+        np.concatenate([end, part[some]]) for end, part in ((np.zeros(whole.size), lower), (np.ones(whole.size), upper))
+    )
     order = np.lexsort((lower, k))
     return k[order], lower[order], upper[order]
 
@@ -121,7 +123,9 @@ def smallest(w: FloatArray, g: FloatArray, cap: FloatArray) -> FloatArray:
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         inside = (g > 0.0) & ((0.5 * w / g) ** 2 < cap**3)
         return np.where(
-            inside, 3.0 * np.cbrt((0.5 * w) ** 2 * np.maximum(g, 0.0)), w / np.sqrt(cap) + np.where(g == 0.0, 0.0, g * cap)
+            inside,
+            3.0 * np.cbrt((0.5 * w) ** 2 * np.maximum(g, 0.0)),
+            w / np.sqrt(cap) + np.where(g == 0.0, 0.0, g * cap),
         )
 
 
