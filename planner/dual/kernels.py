@@ -29,6 +29,54 @@ RULE = 4  # points of a cell
 _FAST = {"reassoc", "nsz", "contract", "arcp"}
 
 
+@njit(forceinline=True, error_model="numpy")
+def _eliminate(state, p, cap, J, A, reduced):
+    """Reduced quantities of one point."""
+    y, x, t, v, mu = state[p, 0], state[p, 1], state[p, 2], state[p, 3], state[p, 4]
+    root = 1.0 / np.sqrt(x)
+    rho = 0.5 * root / x
+    own = v / t
+    total = own
+    for j in range(J):
+        e, k1, k2 = state[p, 5 + 3 * j], state[p, 6 + 3 * j], state[p, 7 + 3 * j]
+        k1, k2 = k1 / (y - e), k2 / (y + e)
+        inverse = 1.0 / (k1 + k2)
+        total += 4.0 * k1 * k2 * inverse
+        reduced[p, 5 + 2 * j], reduced[p, 6 + 2 * j] = inverse, (k1 - k2) * inverse
+    for i in range(A):
+        at = 5 + 3 * (J + i)
+        u = state[p, at]
+        reduced[p, 5 + 2 * J + i] = 1.0 / (state[p, at + 1] / (1.0 - u) + state[p, at + 2] / (1.0 + u))
+    # The determinant of the 2 x 2 system without its cancelling part.
+    inner = 0.75 * v * root / (x * x) + mu / (cap - x)
+    cross = own * rho
+    bend = own * rho * rho + inner
+    determinant = (total - own) * bend + own * inner
+    reduced[p, 0], reduced[p, 1], reduced[p, 2] = bend / determinant, -cross / determinant, total / determinant
+
+
+@njit(forceinline=True, error_model="numpy")
+def _add_point(om, quadratic, linear, rows, reduced, p, J, A, w, matrix):
+    """Add omega D^T C D of one point to the matrix of its cell; w is the row of sum d l."""
+    width, local = J + A, rows.shape[1]
+    myy, myx, mxx = reduced[p, 0], reduced[p, 1], reduced[p, 2]
+    for q in range(local):
+        f1 = om * (mxx * rows[p, q] + myx * w[q])
+        f2 = om * (myx * rows[p, q] + myy * w[q])
+        for s in range(q + 1):
+            matrix[q, s] += f1 * rows[p, s] + f2 * w[s]
+    for a in range(3):
+        for b in range(a + 1):
+            product = om * quadratic[p, a] * quadratic[p, b]
+            for j in range(J):
+                matrix[a * width + j, b * width + j] += product * reduced[p, 5 + 2 * j]
+    for a in range(2):
+        for b in range(a + 1):
+            product = om * linear[p, a] * linear[p, b]
+            for i in range(A):
+                matrix[a * width + J + i, b * width + J + i] += product * reduced[p, 5 + 2 * J + i]
+
+
 @njit(NOTHING(CELLS, POINTS, ATOMS, READ2, READ2, WRITE2, WRITE2), cache=True, fastmath=_FAST, error_model="numpy")
 def assemble(cells, points, atoms, state, atom_state, reduced, band):
     """Eliminate everything but theta: the reduced quantities of every point, and the band of S (row i: S[i, i - w..i])."""
@@ -48,47 +96,11 @@ def assemble(cells, points, atoms, state, atom_state, reduced, band):
                     matrix[q, s] = atoms[0][k, q] * atoms[0][k, s] / stiff
         else:
             for p in range(first[k], first[k] + RULE):
-                y, x, t, v, mu = state[p, 0], state[p, 1], state[p, 2], state[p, 3], state[p, 4]
-                root = 1.0 / np.sqrt(x)
-                rho = 0.5 * root / x
-                own = v / t
-                total = own
-                for j in range(J):
-                    e, k1, k2 = state[p, 5 + 3 * j], state[p, 6 + 3 * j], state[p, 7 + 3 * j]
-                    k1, k2 = k1 / (y - e), k2 / (y + e)
-                    inverse = 1.0 / (k1 + k2)
-                    total += 4.0 * k1 * k2 * inverse
-                    reduced[p, 5 + 2 * j], reduced[p, 6 + 2 * j] = inverse, (k1 - k2) * inverse
-                for i in range(A):
-                    at = 5 + 3 * (J + i)
-                    u = state[p, at]
-                    reduced[p, 5 + 2 * J + i] = 1.0 / (state[p, at + 1] / (1.0 - u) + state[p, at + 2] / (1.0 + u))
-                # The determinant of the 2 x 2 system without its cancelling part.
-                inner = 0.75 * v * root / (x * x) + mu / (cap[p] - x)
-                cross = own * rho
-                bend = own * rho * rho + inner
-                determinant = (total - own) * bend + own * inner
-                mxx, myx, myy = total / determinant, -cross / determinant, bend / determinant
-                reduced[p, 0], reduced[p, 1], reduced[p, 2] = myy, myx, mxx
+                _eliminate(state, p, cap[p], J, A, reduced)
                 for a in range(3):
                     for j in range(J):
                         w[a * width + j] = quadratic[p, a] * reduced[p, 6 + 2 * j]
-                om = weight[p]
-                for q in range(local):
-                    f1 = om * (mxx * rows[p, q] + myx * w[q])
-                    f2 = om * (myx * rows[p, q] + myy * w[q])
-                    for s in range(q + 1):
-                        matrix[q, s] += f1 * rows[p, s] + f2 * w[s]
-                for a in range(3):
-                    for b in range(a + 1):
-                        product = om * quadratic[p, a] * quadratic[p, b]
-                        for j in range(J):
-                            matrix[a * width + j, b * width + j] += product * reduced[p, 5 + 2 * j]
-                for a in range(2):
-                    for b in range(a + 1):
-                        product = om * linear[p, a] * linear[p, b]
-                        for i in range(A):
-                            matrix[a * width + J + i, b * width + J + i] += product * reduced[p, 5 + 2 * J + i]
+                _add_point(weight[p], quadratic, linear, rows, reduced, p, J, A, w, matrix)
         begin = k * width
         for q in range(local):
             for s in range(q + 1):
@@ -206,13 +218,27 @@ def right_side(cells, points, atoms, state, atom_state, step, atom_step, target,
                 out[begin + q] += rows[p, q] * moved
 
 
+@njit(forceinline=True, error_model="numpy")
+def _atom_step(atom_state, atom_step, k, room, pull, target, corrector):
+    """Replace the step of one atom, given G at the new theta."""
+    x, low, high = atom_state[k, 0], atom_state[k, 1], atom_state[k, 2]
+    dx, dlow, dhigh = atom_step[k, 0], atom_step[k, 1], atom_step[k, 2]
+    t1, t2 = target - corrector * dx * dlow, target + corrector * dx * dhigh
+    dx = -(pull + t2 / room - t1 / x) / (low / x + high / room)
+    dlow, dhigh = (t1 - low * dx) / x - low, (t2 + high * dx) / room - high
+    atom_step[k, 0], atom_step[k, 1], atom_step[k, 2] = dx, dlow, dhigh
+    return dx, dlow, dhigh
+
+
 @njit(
     NOTHING(CELLS, POINTS, ATOMS, READ2, READ2, READ1, F64, F64, READ2, WRITE2, WRITE2, WRITE1),
     cache=True,
     fastmath=_FAST,
     error_model="numpy",
 )
-def steps(cells, points, atoms, state, atom_state, theta, target, corrector, reduced, step, atom_step, out):
+def steps(  # noqa: PLR0915 (one pass over all arrays)
+    cells, points, atoms, state, atom_state, theta, target, corrector, reduced, step, atom_step, out
+):
     """Replace the steps by those that belong to the new theta; write what the driver needs to know into ``out``.
 
     0: largest relative fall of a slack, 1: of a multiplier, 2: of x; 3..5: sums over omega of s dl, ds l, ds dl; 6: of dy.
@@ -225,16 +251,12 @@ def steps(cells, points, atoms, state, atom_state, theta, target, corrector, red
     for k in range(first.size):
         begin = k * width
         if first[k] < 0:
-            x, low, high = atom_state[k, 0], atom_state[k, 1], atom_state[k, 2]
-            room = atoms[1][k] - x
-            dx, dlow, dhigh = atom_step[k, 0], atom_step[k, 1], atom_step[k, 2]
-            t1, t2 = target - corrector * dx * dlow, target + corrector * dx * dhigh
             pull = 0.0
             for q in range(local):
                 pull += atoms[0][k, q] * theta[begin + q]
-            dx = -(pull + t2 / room - t1 / x) / (low / x + high / room)
-            dlow, dhigh = (t1 - low * dx) / x - low, (t2 + high * dx) / room - high
-            atom_step[k, 0], atom_step[k, 1], atom_step[k, 2] = dx, dlow, dhigh
+            x, low, high = atom_state[k, 0], atom_state[k, 1], atom_state[k, 2]
+            room = atoms[1][k] - x
+            dx, dlow, dhigh = _atom_step(atom_state, atom_step, k, room, pull, target, corrector)
             fall_s = max(fall_s, -dx / x, dx / room)
             fall_l = max(fall_l, -dlow / low, -dhigh / high)
             s_dl += x * dlow + room * dhigh
@@ -250,9 +272,9 @@ def steps(cells, points, atoms, state, atom_state, theta, target, corrector, red
             load = 0.0
             for j in range(J):
                 at = begin + j
-                l = quadratic[p, 0] * theta[at] + quadratic[p, 1] * theta[at + width]
-                l += quadratic[p, 2] * theta[at + 2 * width]
-                load += reduced[p, 6 + 2 * j] * l
+                load_j = quadratic[p, 0] * theta[at] + quadratic[p, 1] * theta[at + width]
+                load_j += quadratic[p, 2] * theta[at + 2 * width]
+                load += reduced[p, 6 + 2 * j] * load_j
             dy = reduced[p, 3] - reduced[p, 0] * load - reduced[p, 1] * pull
             dx = reduced[p, 4] - reduced[p, 1] * load - reduced[p, 2] * pull
             root = 1.0 / np.sqrt(x)
@@ -272,14 +294,14 @@ def steps(cells, points, atoms, state, atom_state, theta, target, corrector, red
             step[p, 0], step[p, 1], step[p, 2], step[p, 3], step[p, 4] = dy, dx, dt, dv, dmu
             for j in range(J):
                 at, c = 5 + 3 * j, begin + j
-                l = quadratic[p, 0] * theta[c] + quadratic[p, 1] * theta[c + width]
-                l += quadratic[p, 2] * theta[c + 2 * width]
+                load_j = quadratic[p, 0] * theta[c] + quadratic[p, 1] * theta[c + width]
+                load_j += quadratic[p, 2] * theta[c + 2 * width]
                 e, l1, l2 = state[p, at], state[p, at + 1], state[p, at + 2]
                 s1, s2 = y - e, y + e
                 de = step[p, at]
                 t1 = target - corrector * (old_dy - de) * step[p, at + 1]
                 t2 = target - corrector * (old_dy + de) * step[p, at + 2]
-                de = reduced[p, 6 + 2 * j] * dy - (l + t1 / s1 - t2 / s2) * reduced[p, 5 + 2 * j]
+                de = reduced[p, 6 + 2 * j] * dy - (load_j + t1 / s1 - t2 / s2) * reduced[p, 5 + 2 * j]
                 d1, d2 = (t1 - l1 * (dy - de)) / s1 - l1, (t2 - l2 * (dy + de)) / s2 - l2
                 step[p, at], step[p, at + 1], step[p, at + 2] = de, d1, d2
                 fall_s = max(fall_s, (de - dy) / s1, -(dy + de) / s2)

@@ -150,7 +150,7 @@ class _Newton:
         return found
 
 
-def _structure(problem: Problem) -> tuple[Any, ...]:
+def _structure(problem: Problem) -> tuple[Any, Any, Any]:
     return (
         (problem.first, *problem.axes),
         (problem.weight, problem.cap, problem.quadratic, problem.linear, problem.rows),

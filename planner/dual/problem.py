@@ -113,7 +113,7 @@ def problem_of(track: Track, guess: Scan, margin: FloatArray, *, periodic: bool)
     return problem, (length, tau)
 
 
-def _quadratics(h: FloatArray, k: FloatArray, r: FloatArray) -> FloatArray:
+def _quadratics(h: FloatArray, k: IntArray, r: FloatArray) -> FloatArray:
     """Values, first and second derivatives (3, 3, p) of the three quadratic B-splines of the cells k at r."""
     before, after = np.append(0.0, h[:-1])[k], np.append(h[1:], 0.0)[k]
     own, s = h[k], 1.0 - r
@@ -130,7 +130,7 @@ def _quadratics(h: FloatArray, k: FloatArray, r: FloatArray) -> FloatArray:
     return np.stack([low * b0, (1.0 - low) * b0 + b1 + (1.0 - high) * b2, high * b2], axis=1)
 
 
-def _guess(track: Track, guess: Scan, k: FloatArray, r: FloatArray) -> FloatArray:
+def _guess(track: Track, guess: Scan, k: IntArray, r: FloatArray) -> FloatArray:
     """Guess of x at points, by the mean of sigma_dot over each cell: finite at rest."""
     full, time = track.full, guess.time
     dt = np.diff(np.interp(track.section.position(track.sigma.copy()), guess.y, time))[full]

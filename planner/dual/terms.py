@@ -15,6 +15,7 @@ The last keep x bounded at a stop, where q' vanishes in sigma.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -154,7 +155,7 @@ class Track:
         s = 1.0 - r
         u1 = s**4 * slope[0] + 4.0 * r * s**3 * slope[1] + 6.0 * r**2 * s**2 * slope[2]
         u1 += 4.0 * r**3 * s * slope[3] + r**4 * slope[4]
-        bend = [4.0 * (b - a) for a, b in zip(slope[:-1], slope[1:], strict=True)]
+        bend = [4.0 * (b - a) for a, b in pairwise(slope)]
         u2 = s**3 * bend[0] + 3.0 * r * s**2 * bend[1] + 3.0 * r**2 * s * bend[2] + r**3 * bend[3]
         gone, left = np.zeros_like(r), np.zeros_like(r)
         sums, back, binomial = np.zeros_like(r), np.zeros_like(r), (5.0, 10.0, 10.0, 5.0, 1.0)

@@ -110,9 +110,8 @@ def _parts(splines: Splines) -> tuple[IntArray, FloatArray, FloatArray]:
     some = upper - lower > 0.0
     cells = np.broadcast_to(full[cut][:, None], lower.shape)[some]
     k = np.concatenate([full[whole], cells])
-    lower, upper = (
-        np.concatenate([end, part[some]]) for end, part in ((np.zeros(whole.size), lower), (np.ones(whole.size), upper))
-    )
+    lower = np.concatenate([np.zeros(whole.size), lower[some]])
+    upper = np.concatenate([np.ones(whole.size), upper[some]])
     order = np.lexsort((lower, k))
     return k[order], lower[order], upper[order]
 
@@ -221,7 +220,7 @@ def _between(splines: Splines) -> float:
         total = float(np.sum(np.where(pull < 0.0, pull * cap, 0.0)))
     if jump.size:
         spared = _spared(splines, empty[jump])
-        total -= float(sum(_step_price(splines, before, i, spared[:, n]) for n, i in enumerate(jump)))
+        total -= sum((_step_price(splines, before, int(i), spared[:, n]) for n, i in enumerate(jump)), 0.0)
     return total
 
 
