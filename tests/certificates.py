@@ -1,5 +1,7 @@
 """Certificates by closed form, for tests: the multipliers of the time-optimal straight line, in its own time."""
 
+import itertools
+
 import numpy as np
 
 from planner.certificate import Certificate, CertificateSection
@@ -57,3 +59,56 @@ def line_section(length, velocity, acceleration, jerk):
 def line_certificate(curve, length, velocity, acceleration, jerk):
     section, total = line_section(length, velocity, acceleration, jerk)
     return Certificate((section,), ("jerk X",), ("acceleration X",), total, curve.fingerprint, periodic=False)
+
+
+def smooth_certificate(curve, stops=(), *, seed, knots=24, jerk=0.3, acceleration=0.05, feeds=(0.0, 0.0), **others):
+    """Random smooth multipliers on a smooth coordinate, double knots at the knots of the curve; it claims nothing.
+
+    Between stops u grows as the quintic step 10 r^3 - 15 r^4 + 6 r^5, at an end with a feed linearly.
+    """
+    rng = np.random.default_rng(seed)
+    corners = [b.u for b in curve.breaks if b.geometric == 0]
+    at = [curve.domain[0], *sorted({*corners, *stops}), curve.domain[1]]
+    sections = []
+    for k, (u0, u1) in enumerate(itertools.pairwise(at)):
+        ends = (feeds[0] if k == 0 else 0.0, feeds[1] if k == len(at) - 2 else 0.0)
+        sections.append(_smooth_section(curve, u0, u1, ends, rng, knots, jerk, acceleration))
+    names = [f"{{}} {axis}" for axis in curve.axes] + ["tangential {}"]
+    jerk_names, acceleration_names = (tuple(name.format(what) for name in names) for what in ("jerk", "acceleration"))
+    return Certificate(
+        tuple(sections), jerk_names, acceleration_names, 0.0, curve.fingerprint, others.get("periodic", False)
+    )
+
+
+def _smooth_section(curve, u0, u1, ends, rng, count, jerk, acceleration):
+    # The step with its slope at either end: u = u0 + (u1 - u0) * p(r), p' = 30 r^2 (1-r)^2 at rests.
+    slopes = [0.0 if feed == 0.0 else 1.0 for feed in ends]
+    basis = np.array([[1.0, 1.0, 1.0], [3.0, 4.0, 5.0], [6.0, 12.0, 20.0]])
+    tail = np.linalg.solve(basis, [1.0 - slopes[0], slopes[1] - slopes[0], 0.0])
+    p = np.polynomial.Polynomial([0.0, slopes[0], 0.0, *tail])
+    breaks = curve._candidate_breaks()
+    breaks = breaks[(breaks > u0) & (breaks < u1)]
+    span = u1 - u0
+    lo, hi = np.zeros(breaks.size), np.ones(breaks.size)
+    for _ in range(70):
+        middle = 0.5 * (lo + hi)
+        below = u0 + span * p(middle) < breaks
+        lo, hi = np.where(below, middle, lo), np.where(below, hi, middle)
+    r = np.unique(np.concatenate([np.linspace(0.0, 1.0, count), hi]))
+    twice = np.isin(r, hi)
+    length = rng.uniform(0.5, 2.0)  # the unit of sigma must not matter
+    u = np.stack([u0 + span * p(r), span * p.deriv()(r) / length, span * p.deriv(2)(r) / length**2])
+    u[0, twice] = breaks
+    u[0, [0, -1]] = u0, u1
+    repeat = np.where(twice, 2, 1)
+    sigma, u = np.repeat(r * length, repeat), np.repeat(u, repeat, axis=1)
+    motions, n = curve.dim + 1, sigma.size
+    phase = rng.uniform(0.0, 2.0 * np.pi, (2, motions, 3, 1))
+
+    def waves(which, size, places):
+        return size * np.sum(np.sin(phase[which] + np.array([1.0, 2.0, 3.0])[:, None] * 4.0 * places), axis=1) / motions
+
+    bumps = rng.uniform(-0.1, 0.1, (motions, n))
+    l_row = waves(0, jerk, np.linspace(0.0, 1.0, n + 1))
+    m_row = (waves(1, acceleration, sigma / length) + acceleration * bumps * np.repeat(twice, repeat)) / length
+    return CertificateSection(sigma, u, l_row, m_row, *ends, np.nan)

@@ -26,7 +26,8 @@ _POWERS = np.arange(8)
 # Row i: weights of the integral from the start of a part to its node i.
 _UP_TO_NODE = (_NODES[:, None] ** (_POWERS + 1) / (_POWERS + 1)) @ np.linalg.inv(_NODES[:, None] ** _POWERS)
 _WAY_MARGIN = 1e-6  # relative accuracy of the ways, which may only be too long
-_TURN_MARGIN = 0.02  # and of that over a part in which an axis turns round, as a share of that part's way
+_PART_MARGIN = 1e-7  # and of the way up to a node within a part, as a share of that part's way
+_TURN_MARGIN = 0.02  # the same, where an axis turns round within the part
 _LEAST_PARTS = 16.0  # of a stretch between two breaks of the curve
 _CLOSER = 10  # halvings of the interval next to a stop
 _TARGET = 1e-10  # of the integral: the disagreement to be reached
@@ -91,7 +92,7 @@ class SectionPath:
         inside = np.abs(first) @ _UP_TO_NODE.T * length[:, None]
         way = np.abs(first) @ _WEIGHTS * length
         turns = (first.min(axis=-1) < 0.0) & (first.max(axis=-1) > 0.0)
-        margin = np.where(turns, _TURN_MARGIN, 0.0) * way
+        margin = np.where(turns, _TURN_MARGIN, _PART_MARGIN) * way
         cap = np.minimum(points.cap, points.chord_cap)
         bounds = Bounds.of(self.limits)
         for end, reached in enumerate((inside, way[:, :, None] - inside)):
