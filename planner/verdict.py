@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
     from rich.table import Table
 
+    from planner.check.certificate import BoundReport
     from planner.programs.path import ProgramPath
 
 # Rows of a report that are limits of the machine; the others say that a plan is a plan at all, and are counted.
@@ -58,6 +59,8 @@ class Verdict:
         The path, where it comes from a part program.
     facts : tuple of (str, str)
         Further lines on where the path comes from, each with its name.
+    proof : BoundReport, optional
+        What the certificate of the lower bound proves; None where none was given.
     """
 
     profile: FeedrateProfile
@@ -70,16 +73,34 @@ class Verdict:
     files: tuple[str, ...] = ()
     program: ProgramPath | None = None
     facts: tuple[tuple[str, str], ...] = ()
+    proof: BoundReport | None = None
 
     @property
-    def ok(self) -> bool:
+    def holds(self) -> bool:
         """Every limit holds, for the plan and for its samples."""
         return self.plan_report.ok and self.samples_report.ok
 
     @property
+    def ok(self) -> bool:
+        """Every limit holds, and the certificate proves the bound if there is one."""
+        return self.holds and (self.proof is None or self.proof.ok)
+
+    @property
+    def lower_bound(self) -> float:
+        """No plan is faster, s: as far as it was proved, else what the plan says; nan where there is none."""
+        return self.profile.lower_bound if self.proof is None else self.proof.proved
+
+    @property
+    def bound_from(self) -> str:
+        """How the lower bound is known."""
+        if self.proof is not None:
+            return "proved by the certificate"
+        return "claimed by the table, not verified" if math.isnan(self.planning_time) else "computed with the plan"
+
+    @property
     def gap(self) -> float:
         """Time above the lower bound as a fraction of it; nan where there is none."""
-        bound = self.profile.lower_bound
+        bound = self.lower_bound
         return self.profile.duration / bound - 1.0 if bound > 0.0 else math.nan
 
     @property
@@ -107,7 +128,8 @@ def to_json(verdict: Verdict) -> str:
         "period_s": verdict.samples.period,
         "method": profile.method,
         "duration_s": profile.duration,
-        "lower_bound_s": profile.lower_bound,
+        "lower_bound_s": verdict.lower_bound,
+        "lower_bound_is": verdict.bound_from,
         "gap": verdict.gap,
         "nodes": profile.t.size,
         "samples": verdict.samples.t.size,
@@ -121,11 +143,25 @@ def to_json(verdict: Verdict) -> str:
         "notes": verdict.notes,
         "files": list(verdict.files),
     }
+    if verdict.proof is not None:
+        facts["certificate"] = _proof_facts(verdict.proof)
     if verdict.facts:
         facts["source"] = dict(verdict.facts)
     if verdict.program is not None:
         facts["program"] = program_facts(verdict.program)
     return json.dumps(_finite(facts), indent=2, allow_nan=False)
+
+
+def _proof_facts(proof: BoundReport) -> dict[str, Any]:
+    return {
+        "ok": proof.ok,
+        "proved_s": proof.proved,
+        "claimed_s": proof.claimed,
+        "quadrature_allowance_s": proof.allowance,
+        "scale": proof.scale,
+        "assumed_stops": list(proof.stops),
+        "statement": proof.statement,
+    }
 
 
 def _curve_facts(curve: Curve) -> dict[str, Any]:
@@ -187,6 +223,7 @@ def to_text(verdict: Verdict) -> RenderableType:
         "",
         named("held back by", shares),
         *_worth(verdict.profile),
+        *([] if verdict.proof is None else [named("proved", verdict.proof.statement)]),
         *(named("note", note) for note in _shortened(verdict.notes)),
         *(named("written", name) for name in verdict.files),
         "",
@@ -194,6 +231,8 @@ def to_text(verdict: Verdict) -> RenderableType:
     if verdict.ok:
         count = verdict.samples.t.size
         return Group(*parts, Text(f"OK  every limit holds, for the plan and for its {count} samples", "bold green"))
+    if verdict.holds and verdict.proof is not None:
+        return Group(*parts, Text("NOT PROVED", "bold red"), Padding(Text(verdict.proof.refusal), (0, 0, 0, 2)))
     return Group(*parts, Text("LIMIT BROKEN", "bold red"), Padding(Text(_broken(verdict)), (0, 0, 0, 2)))
 
 
@@ -232,7 +271,9 @@ def _facts(verdict: Verdict) -> RenderableType:
         named("plan", f"{profile.method}, {profile.t.size} nodes" + _planned_in(verdict.planning_time)),
     ]
     if math.isfinite(verdict.gap):
-        bound = f"{profile.lower_bound:.6g} s; the gap is at most {_percent(verdict.gap, 2)}"
+        bound = f"{verdict.lower_bound:.6g} s; the gap is at most {_percent(verdict.gap, 2)}"
+        if verdict.bound_from != "computed with the plan":
+            bound += f"; {verdict.bound_from}"
     else:
         bound = "none from this method"
     return Group(*lines, named("duration", time, "bold"), named("lower bound", bound))

@@ -112,3 +112,26 @@ def _smooth_section(curve, u0, u1, ends, rng, count, jerk, acceleration):
     l_row = waves(0, jerk, np.linspace(0.0, 1.0, n + 1))
     m_row = (waves(1, acceleration, sigma / length) + acceleration * bumps * np.repeat(twice, repeat)) / length
     return CertificateSection(sigma, u, l_row, m_row, *ends, np.nan)
+
+
+def arc_section(line, feed, acceleration, jerk, total):
+    """Constant jerk from a feed and an acceleration to whatever feed: l = 1 + a t + b t^2 with 2 b v_0 = a a_0, l(T) = 0."""
+    b = -1.0 / (total**2 + 2.0 * feed * total / acceleration)
+    a = 2.0 * b * feed / acceleration
+    length = total * (feed + total * (acceleration / 2.0 + total * jerk / 6.0))
+    end = feed + acceleration * total + 0.5 * jerk * total**2
+    u = np.array([[0.0, length], [feed, end], [acceleration, acceleration + jerk * total]])
+    sigma = np.array([0.0, total])
+    rows = coefficients(sigma, [(1.0, a, 2.0 * b)])[None]
+    section = CertificateSection(sigma, u, rows, np.zeros((0, 2)), feed, end, acceleration)
+    return line(length), section, total
+
+
+def pieces_of(section, count=40):
+    """Gauss points and weights over a section that was laid out: interval, r, and weight in sigma."""
+    nodes, weights = np.polynomial.legendre.leggauss(count)
+    parts, s = section.path.parts, section.stretches
+    share = (s.upper - s.lower)[:, None]
+    r = (s.lower[:, None] + share * 0.5 * (nodes + 1.0)).reshape(-1)
+    weight = share * parts.h[s.interval][:, None] * 0.5 * weights
+    return np.repeat(s.interval, count), r, weight.reshape(-1)

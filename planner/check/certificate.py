@@ -26,7 +26,7 @@ that keep to the feed at which the osculating circle has that error, as every me
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -35,12 +35,16 @@ from planner.check.atoms import Side, end_term, passed, seam, sides, spared_arou
 from planner.check.multipliers import IntArray, Multipliers, require_increasing
 from planner.check.pathspeeds import Flags, path_points
 from planner.check.quadrature import SectionPath, Stretches, lay_out
+from planner.check.shapes import require_valid
 from planner.check.sizes import EPS, ON_KNOT
 from planner.errors import InputError
 from planner.geometry.curve import Curve, FloatArray
 from planner.limits import Limits
+from planner.profile import FeedrateProfile
 
 _CLAIM_ROUNDING = 1e-9  # of the bound: what another order of summation may change
+_PLAN_TOLERANCE = 1e-6  # by which a plan may exceed its limits, and so be faster
+_FEED_TOLERANCE = 1e-6  # of the largest feed: what counts as the same feed
 _SEAM_TOLERANCE = 1e-6  # of tangent and curvature (times the length) where a periodic path closes
 
 
@@ -62,6 +66,10 @@ class BoundReport:
         Curve parameters, besides corners and ends, at which the certificate assumes that plans stop.
     statement : str
         What is proved, and for which plans.
+    claimant : str
+        Who claims it: "it" the certificate, or the table.
+    duration : float
+        Of the plan at hand, s; inf where there is none.
     """
 
     proved: float
@@ -70,11 +78,27 @@ class BoundReport:
     scale: float
     stops: tuple[float, ...]
     statement: str
+    claimant: str = "it"
+    duration: float = np.inf
 
     @property
     def ok(self) -> bool:
-        """The certificate proves what it claims."""
-        return self.claimed <= self.proved * (1.0 + _CLAIM_ROUNDING)
+        """The certificate proves what is claimed, and no plan at hand denies it."""
+        return not self.refusal
+
+    @property
+    def refusal(self) -> str:
+        """What is wrong with the claim; empty where nothing is."""
+        if not self.claimed <= self.proved + _CLAIM_ROUNDING * abs(self.proved):
+            return (
+                f"the certificate proves {self.proved:.9g} s, not the {self.claimed:.9g} s that {self.claimant} claims"
+            )
+        if self.proved > self.duration * (1.0 + _PLAN_TOLERANCE):
+            return (
+                f"the certificate proves {self.proved:.9g} s, but the plan takes {self.duration:.9g} s: if it passes its "
+                "check, this is an error of this program"
+            )
+        return ""
 
 
 def verify_bound(curve: Curve, limits: Limits, certificate: Certificate) -> BoundReport:
@@ -112,6 +136,40 @@ def verify_bound(curve: Curve, limits: Limits, certificate: Certificate) -> Boun
     stops = _assumed_stops(curve, certificate)
     statement = _statement(curve, limits, certificate, stops, proved)
     return BoundReport(proved, float(certificate.bound), allowance, min(scales), stops, statement)
+
+
+def verify_plan_bound(curve: Curve, limits: Limits, certificate: Certificate, plan: FeedrateProfile) -> BoundReport:
+    """Verify a certificate and what a plan claims by it: that no plan with the same stops and ends is faster.
+
+    Raises InputError as :func:`verify_bound`, and where the certificate is about plans with other ends or other stops.
+    """
+    largest = float(plan.feed.max())
+    first, last = certificate.sections[0], certificate.sections[-1]
+    for name, said, found in (("begin", first.start_feed, plan.feed[0]), ("end", last.end_feed, plan.feed[-1])):
+        if np.isfinite(said) and abs(said - found) > _FEED_TOLERANCE * largest:
+            raise InputError(
+                f"the certificate is about plans that {name} with {said:.6g} mm/s; this plan {name}s with {found:.6g} mm/s"
+            )
+    if np.isfinite(first.start_acceleration):
+        size = max(float(np.abs(plan.acceleration).max()), abs(first.start_acceleration))
+        if abs(first.start_acceleration - plan.acceleration[0]) > _FEED_TOLERANCE * size:
+            raise InputError(
+                f"the certificate is about plans that begin with {first.start_acceleration:.6g} mm/s^2; this plan begins "
+                f"with {plan.acceleration[0]:.6g} mm/s^2"
+            )
+    report = verify_bound(curve, limits, certificate)
+    near = ON_KNOT * (curve.domain[1] - curve.domain[0])
+    for u in report.stops:
+        at = np.abs(plan.u - u) <= near
+        if not at.any() or plan.feed[at].min() > _FEED_TOLERANCE * largest:
+            raise InputError(f"the certificate is about plans that stop at u = {u:.9g}; this plan passes there")
+    by_table = plan.lower_bound > report.claimed
+    return replace(
+        report,
+        claimed=float(plan.lower_bound) if by_table else report.claimed,
+        claimant="the table" if by_table else "it",
+        duration=plan.duration,
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,79 +314,6 @@ def _closing(sections: Sequence[_Section], certificate: Certificate) -> float:
     bend = max(float(np.abs([start.bend, end.bend]).max()), 1.0 / max(curve.length, 1e-300))
     smooth = bool(np.abs(start.bend - end.bend).max() <= _SEAM_TOLERANCE * bend)
     return seam(end, start, first.path, smooth)
-
-
-def require_valid(certificate: Certificate, curve: Curve) -> None:
-    """Raise InputError unless the certificate is one of this curve: its arrays fit, and its sections cover it."""
-    if certificate.fingerprint != curve.fingerprint:
-        raise InputError(
-            f"the certificate is for another curve (hash {certificate.fingerprint[:12]}), not for {curve.name} "
-            f"({curve.fingerprint[:12]}); give the curve, and the scale and tolerance, it was made with"
-        )
-    require_shapes(certificate)
-    u0, u1 = curve.domain
-    near = ON_KNOT * (u1 - u0)
-    ends = [(float(s.u[0, 0]), float(s.u[0, -1])) for s in certificate.sections]
-    meet = [u0, *(end for _, end in ends)], [*(start for start, _ in ends), u1]
-    for before, after in zip(*meet, strict=True):
-        if abs(before - after) > near:
-            raise InputError(f"the certificate leaves out the curve between u = {before!r} and {after!r}")
-
-
-def require_shapes(certificate: Certificate) -> None:
-    """Raise InputError unless every array has its shape and finite values, and the ends make sense."""
-    for names in (certificate.jerk_names, certificate.acceleration_names):
-        if len(set(names)) != len(names):
-            raise InputError(f"the certificate names a limit twice: {', '.join(names)}")
-    if not certificate.sections:
-        raise InputError("the certificate has no section")
-    if not np.isfinite(certificate.bound):
-        raise InputError(f"bound = {certificate.bound!r} of the certificate must be finite")
-    last = len(certificate.sections) - 1
-    for k, section in enumerate(certificate.sections):
-        _require_arrays(section, certificate, f"section {k} of the certificate")
-        for name, feed, outer in (("start", section.start_feed, k == 0), ("end", section.end_feed, k == last)):
-            free = certificate.periodic and outer
-            if not (np.isnan(feed) if free else np.isfinite(feed) and feed >= 0.0 and (outer or feed == 0.0)):
-                allowed = "nan, free" if free else "0, a stop" if not outer else ">= 0 and finite"
-                raise InputError(f"section {k} of the certificate: {name}_feed = {feed!r} must be {allowed}")
-        if not np.isnan(section.start_acceleration) and not (
-            section.start_feed > 0.0 and np.isfinite(section.start_acceleration)
-        ):
-            raise InputError(
-                f"section {k} of the certificate: start_acceleration = {section.start_acceleration!r} must be nan, or "
-                "finite at a start with a feed"
-            )
-
-
-def _require_arrays(section: CertificateSection, certificate: Certificate, where: str) -> None:
-    n = section.sigma.size
-    shapes = {
-        "sigma": (n,),
-        "u": (3, n),
-        "jerk": (len(certificate.jerk_names), n + 1),
-        "acceleration": (len(certificate.acceleration_names), n),
-    }
-    for name, shape in shapes.items():
-        values = getattr(section, name)
-        if values.shape != shape or values.dtype != np.float64 or n < 2:
-            raise InputError(
-                f"{where}: {name} is {values.dtype} {values.shape}; must be float64 {shape}, of 2 knots at least"
-            )
-        if not np.isfinite(values).all():
-            raise InputError(f"{where}: {name} has a value that is not finite")
-    step, u = np.diff(section.sigma), section.u[0]
-    bad = np.flatnonzero(step < 0.0)
-    if bad.size:
-        raise InputError(f"{where}: sigma[{bad[0] + 1}] = {section.sigma[bad[0] + 1]!r} is less than the one before")
-    double = np.flatnonzero(step == 0.0)
-    if double.size and (double[0] == 0 or double[-1] == n - 2 or (np.diff(double) == 1).any()):
-        raise InputError(f"{where}: no knot may be threefold, and none at the ends double")
-    bad = double[u[double] != u[double + 1]]
-    if bad.size:
-        raise InputError(f"{where}: u differs on the two sides of the double knot sigma[{bad[0]}]")
-    if (np.diff(u) < 0.0).any():
-        raise InputError(f"{where}: u[{int(np.argmax(np.diff(u) < 0.0)) + 1}] is less than the one before")
 
 
 def _assumed_stops(curve: Curve, certificate: Certificate) -> tuple[float, ...]:

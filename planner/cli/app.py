@@ -11,6 +11,7 @@ import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Annotated, NoReturn
@@ -24,6 +25,7 @@ from planner.output import require_writable
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
+    from planner.certificate import Certificate
     from planner.geometry.curve import Curve
     from planner.limits import Limits
     from planner.profile import FeedrateProfile
@@ -55,8 +57,8 @@ Examples:
   feedplan compare teardrop --machine mill.toml --plot compare.png
 
 \b
-Exit codes: 0 every limit holds, 1 a limit is broken, 2 bad input,
-3 no plan was found.
+Exit codes: 0 every limit holds, 1 a limit is broken or a claim does not hold,
+2 bad input, 3 no plan was found.
 """
 
 app = typer.Typer(
@@ -180,6 +182,15 @@ def judge(
     samples = interp.replay(curve, profile, limits.period)
     samples_report = check_plan(curve, limits, samples)
     return Verdict(profile, limits, machine, samples, plan_report, samples_report, seconds, files, program, facts)
+
+
+def with_proof(verdict: Verdict, certificate: Certificate, line: ProgressLine) -> Verdict:
+    """Add what the certificate of its lower bound proves to the verdict on a plan."""
+    from planner.check.certificate import verify_plan_bound
+
+    line("verifying the lower bound")
+    profile = verdict.profile
+    return replace(verdict, proof=verify_plan_bound(profile.curve, verdict.limits, certificate, profile))
 
 
 def report_verdict(verdict: Verdict, as_json: bool) -> None:

@@ -25,6 +25,7 @@ from planner.cli.app import (
     report_verdict,
     require_outputs,
     show,
+    with_proof,
 )
 from planner.cli.parts import PATH_SHARE, Tolerance, load_part, load_part_of_table, require_program
 from planner.output import require_writable
@@ -146,14 +147,17 @@ def check(
     machine: Machine = None,
     tolerance_mm: Tolerance = None,
     scale: Scale = 1.0,
+    certificate: Annotated[Path | None, typer.Option(help="Certificate of its lower bound, .npz.")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Check a feedrate table and the samples of it.
 
-    Nothing of the planner is used.  Without --machine the limits in the table's own header count.
+    Nothing of the planner is used.  Without --machine the limits in the table's own header count.  With the certificate
+    that feedplan plan wrote, the lower bound is verified from the curve and the limits too; else it is only claimed.
     """
     with exits():
         from planner import read_table
+        from planner.certificatefile import read_certificate
         from planner.progress import ProgressLine, load_kernels
 
         part = load_part_of_table(table, curve, scale, machine, tolerance_mm)
@@ -161,7 +165,10 @@ def check(
         with ProgressLine() as line:
             line("reading the table")
             profile = read_table(table, part.curve)
+            proof = None if certificate is None else read_certificate(certificate)
             verdict = part.judge(profile, line)
+            if proof is not None:
+                verdict = with_proof(verdict, proof, line)
         report_verdict(verdict, as_json)
 
 
