@@ -1,13 +1,11 @@
 """The verifier of lower bounds: closed forms, the identity behind its proof, and what it must refuse."""
 
 import dataclasses
-import itertools
 
 import numpy as np
 import pytest
 from certificates import (
     arc_section,
-    coefficients,
     line_certificate,
     line_section,
     pieces_of,
@@ -17,7 +15,7 @@ from scipy.optimize import linprog
 
 from planner import InputError, check, load_curve, load_limits, plan_feedrate
 from planner.certificate import Certificate, CertificateSection
-from planner.check.atoms import _least, end_term, seam, sides
+from planner.check.atoms import _least, end_term, seam, sides, spared_around, stepped
 from planner.check.certificate import _Section, verify_bound, verify_plan_bound
 from planner.check.pathspeeds import Bounds, path_points
 from planner.check.quadrature import smallest
@@ -336,3 +334,260 @@ class TestIdentity:
         np.testing.assert_allclose(smallest(w, g, cap), (w / np.sqrt(x) + g * x).min(axis=0), rtol=1e-6, atol=1e-6)
         assert smallest(np.array([1.0]), np.array([-1e-30]), np.array([np.inf]))[0] == -np.inf
         assert smallest(np.zeros(1), np.ones(1), np.ones(1))[0] == 0.0
+
+
+def bends(axes=("X", "Y")):
+    """A quadratic B-spline: the tangent is continuous, the curvature jumps at every knot."""
+    points = [[0.0, 0.0], [30.0, 0.0], [50.0, 20.0], [60.0, 60.0], [100.0, 60.0]]
+    return NurbsCurve(points, [0.0, 0.0, 0.0, 40.0, 80.0, 120.0, 120.0, 120.0], 2, axes=axes, name="bends")
+
+
+class TestCurvatureJumps:
+    def limits(self, **others):
+        return Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2, **others)
+
+    def test_the_least_over_speed_and_step_is_that_of_a_linear_program(self):
+        rng = np.random.default_rng(7)
+        for trial in range(200):
+            dim = int(rng.integers(1, 5))
+            jump, tangent, cost, saved, largest = rng.normal(size=(5, dim))
+            saved, largest = np.abs(saved), np.exp(largest)
+            if trial % 3 == 0:
+                saved[:] = 0.0
+            if trial % 5 == 0:
+                tangent[0] = 0.0
+            pull, cap = rng.normal(), np.exp(rng.normal())
+            if not tangent.any():
+                continue
+            # variables y, a, and z_j >= |D_j|
+            objective = np.concatenate([[pull * cap - cost @ jump, -cost @ tangent], saved])
+            rows, sides_ = [], []
+            for j in range(dim):
+                for sign in (1.0, -1.0):
+                    row = np.zeros(2 + dim)
+                    row[:2] = sign * jump[j], sign * tangent[j]
+                    rows.append(row.copy())
+                    sides_.append(largest[j])
+                    row[2 + j] = -1.0
+                    rows.append(row)
+                    sides_.append(0.0)
+            best = linprog(objective, rows, sides_, bounds=[(0.0, 1.0), (None, None), *[(0.0, None)] * dim])
+            assert best.success
+            assert _least(jump, tangent, pull, cap, cost, saved, largest) == pytest.approx(best.fun, rel=1e-6, abs=1e-6)
+
+    def test_the_price_covers_every_step_that_a_check_grants(self):
+        curve, limits = bends(), self.limits()
+        section = _Section.of(curve, limits, smooth_certificate(curve, seed=2, jerk=0.8, acceleration=0.2), 0)
+        assert section.jumps.all()
+        assert section.joins.size == 2
+        before = sides(section.path, section.stretches, section.joins, 1)
+        after = sides(section.path, section.stretches, section.joins + 1, 0)
+        rng = np.random.default_rng(4)
+        largest = limits.jerk * limits.period / 0.75
+        count = 0
+        for a, b in zip(before, after, strict=True):
+            price = stepped(a, b, section.path, np.zeros(3))
+            tip = a.turn[:2] / a.turn[-1]
+            for _ in range(4000):
+                speed2 = min(a.cap, b.cap) * rng.uniform() ** 2
+                step = (b.bend - a.bend)[:2] * speed2 + a.turn[:2] * rng.normal() * largest[0]
+                if np.any(np.abs(step) > largest):
+                    continue
+                count += 1
+                steps = np.append(step, step @ tip)
+                assert price <= (a.pull - b.pull) * speed2 - a.load @ steps + 1e-12
+        assert count > 500
+
+    def test_what_a_step_takes_from_the_jerk_around_it_pays_for_it(self):
+        curve, limits = bends(), self.limits()
+        smooth = smooth_certificate(curve, seed=2, jerk=0.8, acceleration=0.0)
+        section = _Section.of(curve, limits, smooth, 0)
+        (a, _), (b, _) = (sides(section.path, section.stretches, section.joins + k, 1 - k) for k in (0, 1))
+        level = dataclasses.replace(a, force=a.force * 0.0), dataclasses.replace(b, force=b.force * 0.0)
+        alone = stepped(*level, section.path, np.zeros(3))
+        load = np.abs(a.load * np.append(limits.jerk, 0.0))
+        assert alone < -1e-4
+        assert stepped(*level, section.path, load) >= 0.5 * alone
+        # without a tangential multiplier the axes' own |l| pays for all of it
+        plain = [dataclasses.replace(side, load=np.append(side.load[:2], 0.0)) for side in level]
+        assert stepped(*plain, section.path, load) == 0.0
+
+    def test_jumps_close_to_another_or_to_an_end_are_not_alone(self):
+        curve, limits = bends(), self.limits()
+        section = _Section.of(curve, limits, smooth_certificate(curve, seed=2, jerk=0.8), 0)
+        s = section.stretches
+        times = np.linspace(0.0, 1.0, s.lower.size + 1)
+        found = spared_around(section.path, s, times, np.array([0.3, 0.6]))
+        assert (found[:2] > 0.0).any()
+        assert not spared_around(section.path, s, times, np.array([0.3, 0.3029])).any()
+        assert not spared_around(section.path, s, times, np.array([0.001, 0.9990])).any()
+        # the smallest |l| in a window that holds everything
+        everywhere = section.path.parts.smallest_sizes(s.interval, s.lower, s.upper)
+        i, r, _ = pieces_of(section, 30)
+        dense = np.abs(section.path.parts.jerk_at(i, r)[0]).min(axis=1)
+        assert np.all(everywhere <= dense + 1e-12)
+
+    def test_an_exact_stop_there_is_an_assumption_that_is_told(self):
+        curve, limits = bends(), self.limits()
+        report = verify_bound(curve, limits, smooth_certificate(curve, stops=(40.0,), seed=2, jerk=0.01))
+        assert report.stops == (40.0,)
+        assert "for plans that stop at u = 40 (1 besides corners)" in report.statement
+        passing = plan_feedrate(curve, limits, intervals=200)
+        with pytest.raises(InputError, match="stop at u = 40; this plan passes there"):
+            verify_plan_bound(curve, limits, smooth_certificate(curve, stops=(40.0,), seed=2), passing)
+        stopping = plan_feedrate(curve, limits, intervals=200, exact_stop=True)
+        certificate = smooth_certificate(curve, stops=(40.0, 80.0), seed=2, jerk=0.01, acceleration=0.001)
+        found = verify_plan_bound(curve, limits, certificate, stopping)
+        assert 0.0 < found.proved <= stopping.duration
+
+
+class TestPlans:
+    """No bound exceeds a plan that passes the check, whatever the multipliers."""
+
+    @pytest.mark.parametrize("name", ["circle", "teardrop", "butterfly-nurbs", "flank", "bends", "bends-X-A"])
+    def test_random_multipliers_stay_below(self, name):
+        if name.startswith("bends"):
+            curve = bends(("X", "Y") if name == "bends" else ("X", "A"))
+            limits = Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2, axes=curve.axes)
+        else:
+            curve, limits = limits_for(name)
+        plan = plan_feedrate(curve, limits, intervals=400)
+        assert check(curve, limits, plan).ok
+        positive = 0
+        for seed in range(12):
+            size = 10.0 ** np.random.default_rng(seed).uniform(-4.0, -0.5)
+            certificate = smooth_certificate(curve, seed=seed, jerk=size, acceleration=0.1 * size)
+            report = verify_bound(curve, limits, certificate)
+            assert report.proved <= plan.duration
+            positive += report.proved > 0.0
+        assert positive >= 4
+
+    def test_a_periodic_path_at_its_feed(self):
+        curve, limits = limits_for("circle")
+        plan = plan_feedrate(curve, limits, periodic=True, intervals=200)
+        assert check(curve, limits, plan).ok
+        nothing = smooth_certificate(curve, seed=0, jerk=0.0, acceleration=0.0, feeds=(np.nan, np.nan), periodic=True)
+        report = verify_plan_bound(curve, limits, nothing, plan)
+        assert report.proved == pytest.approx(plan.duration, rel=1e-5)
+        assert report.proved <= plan.duration * (1.0 + 1e-9)
+        assert report.statement.startswith("no plan of circle that pass its end into its start")
+        for seed in range(5):
+            some = smooth_certificate(
+                curve, seed=seed, jerk=0.01, acceleration=1e-3, feeds=(np.nan,) * 2, periodic=True
+            )
+            assert verify_bound(curve, limits, some).proved <= plan.duration
+
+    def test_plans_with_other_ends_are_told_apart(self):
+        curve, limits = limits_for("teardrop")
+        plan = plan_feedrate(curve, limits, start_feed=2.0, intervals=100)
+        with pytest.raises(InputError, match="begin with 0 mm/s; this plan begins with 2 mm/s"):
+            verify_plan_bound(curve, limits, smooth_certificate(curve, seed=1), plan)
+        certificate = smooth_certificate(curve, seed=1, jerk=0.0, acceleration=1e-4, feeds=(2.0, 0.0))
+        assert verify_plan_bound(curve, limits, certificate, plan).proved <= plan.duration
+
+    def test_a_plan_that_a_bound_denies_is_an_error(self):
+        certificate = line_certificate(line(), L, V, A, J)
+        limits = Limits(1e6, [V, np.inf], [A, np.inf], [J, np.inf])
+        plan = plan_feedrate(line(), limits.with_feed(V), intervals=100)
+        report = verify_plan_bound(line(), limits, certificate, plan)
+        assert report.ok
+        faster = Limits(1e6, [V, np.inf], [0.99 * A, np.inf], [J, np.inf])
+        slower = plan_feedrate(line(), faster.with_feed(V), intervals=100)
+        assert verify_plan_bound(line(), limits, certificate, slower).ok
+        denied = verify_plan_bound(line(), faster, line_certificate(line(), L, V, 0.99 * A, J), plan)
+        assert "error of this program" in denied.refusal
+
+
+class TestRefusals:
+    limits = Limits(1e6, [V, np.inf], [A, np.inf], [J, np.inf])
+
+    def refused(self, match, section=None, curve=None, **changes):
+        certificate = line_certificate(line(), L, V, A, J)
+        if section is not None:
+            changes["sections"] = (dataclasses.replace(certificate.sections[0], **section),)
+        with pytest.raises(InputError, match=match):
+            verify_bound(curve or line(), self.limits, dataclasses.replace(certificate, **changes))
+
+    def test_another_curve(self):
+        self.refused("for another curve", curve=line(L + 1.0))
+        self.refused("for another curve", fingerprint="0" * 32)
+
+    def test_names(self):
+        self.refused('multipliers of "jerk Z"', jerk_names=("jerk Z",))
+        self.refused('multipliers of "acceleration X"', jerk_names=("acceleration X",))
+        both = np.zeros((2, 15))
+        self.refused("names a limit twice", {"jerk": both}, jerk_names=("jerk X", "jerk X"))
+
+    def test_shapes_and_values(self):
+        section = line_section(L, V, A, J)[0]
+        self.refused("no section", sections=())
+        self.refused("bound = nan", bound=float("nan"))
+        for name in ("sigma", "u", "jerk", "acceleration"):
+            values = getattr(section, name)
+            self.refused("is float64 of shape", {name: values[..., :-1]})
+            self.refused(f"{name} is float32", {name: values.astype(np.float32)})
+            bad = values.copy()
+            bad.reshape(-1)[3] = np.nan
+            self.refused(f"{name} has a value that is not finite", {name: bad})
+        self.refused(r"sigma is float64 of shape \(1, 14\)", {"sigma": section.sigma[None]})
+
+    def test_the_coordinate(self):
+        section = line_section(L, V, A, J)[0]
+        sigma = section.sigma.copy()
+        sigma[[3, 5]] = sigma[[5, 3]]
+        self.refused("is less than the one before", {"sigma": sigma})
+        sigma = section.sigma.copy()
+        sigma[3] = sigma[2]
+        self.refused("threefold", {"sigma": sigma})
+        u = section.u.copy()
+        u[0, 4] += 1e-6
+        self.refused("differs on the two sides", {"u": u})
+        u = section.u.copy()
+        u[1, 3:5] = -1.0
+        self.refused("does not increase between", {"u": u})
+        u = section.u.copy()
+        u[1, 3:5] = 0.0
+        self.refused("does not increase between", {"u": u})
+        u = section.u.copy()
+        u[2, 3:5] = 1e7
+        self.refused("does not increase between", {"u": u})
+
+    def test_parts_of_the_curve_left_out(self):
+        section = line_section(L, V, A, J)[0]
+        u = section.u.copy()
+        u[0, -1] -= 1e-3
+        self.refused("leaves out the curve between", {"u": u})
+
+    def test_ends(self):
+        self.refused("start_feed = -1.0 must be >= 0", {"start_feed": -1.0})
+        self.refused("end_feed = nan must be >= 0", {"end_feed": float("nan")})
+        self.refused("start_acceleration = 5.0 must be nan", {"start_acceleration": 5.0})
+        self.refused("start_feed = 0.0 must be nan, free", periodic=True)
+
+    def test_a_corner_or_a_knot_passed(self):
+        curve = NurbsCurve([[0.0, 0.0], [L / 2, 0.0], [L / 2, L]], [0.0, 0.0, L / 2, L, L], 1)
+        fingerprint = curve.fingerprint
+        self.refused("no knot at u = 50", fingerprint=fingerprint, curve=curve)
+        certificate = smooth_certificate(bends(), seed=0)
+        other = dataclasses.replace(certificate, fingerprint=fingerprint)
+        with pytest.raises(InputError, match=r"leaves out|no knot"):
+            verify_bound(curve, self.limits, other)
+        (section,) = line_certificate(line(), L, V, A, J).sections
+        at = np.searchsorted(section.u[0], L / 2)
+        start, end = section.sigma[at - 1], section.sigma[at]
+        inserted = dataclasses.replace(
+            section,
+            sigma=np.insert(section.sigma, at, 0.5 * (start + end)),
+            u=np.insert(section.u, at, [L / 2, V, 0.0], axis=1),
+            jerk=np.insert(section.jerk, at, 0.0, axis=1),
+            acceleration=np.insert(section.acceleration, at, 0.0, axis=1),
+        )
+        self.refused("passes the corner at u = 50", sections=(inserted,), fingerprint=fingerprint, curve=curve)
+
+    def test_a_closed_path_needs_one_direction(self):
+        section = line_section(L, V, A, J)[0]
+        curve = NurbsCurve([[0.0, 0.0], [L, 0.0], [L, L], [0.0, 0.0]], [0, 0, 0, 50, 100, 100, 100], 2)
+        certificate = smooth_certificate(curve, seed=0, feeds=(np.nan, np.nan), periodic=True)
+        with pytest.raises(InputError, match="another direction at its end"):
+            verify_bound(curve, self.limits, certificate)
+        assert section.start_feed == 0.0

@@ -54,7 +54,7 @@ def require_shapes(certificate: Certificate) -> None:
 
 
 def _require_arrays(section: CertificateSection, certificate: Certificate, where: str) -> None:
-    n = section.sigma.size
+    n = section.sigma.size  # of a sigma that is no row, too: its shape is refused below
     shapes = {
         "sigma": (n,),
         "u": (3, n),
@@ -65,7 +65,7 @@ def _require_arrays(section: CertificateSection, certificate: Certificate, where
         values = getattr(section, name)
         if values.shape != shape or values.dtype != np.float64 or n < 2:
             raise InputError(
-                f"{where}: {name} is {values.dtype} {values.shape}; must be float64 {shape}, of 2 knots at least"
+                f"{where}: {name} is {values.dtype} of shape {values.shape}; must be float64 of shape {shape}, n > 1"
             )
         if not np.isfinite(values).all():
             raise InputError(f"{where}: {name} has a value that is not finite")
