@@ -18,6 +18,7 @@ from planner.certificate import Certificate, CertificateSection
 from planner.check.atoms import _least, end_term, seam, sides, spared_around, stepped
 from planner.check.certificate import _Section, verify_bound, verify_plan_bound
 from planner.check.pathspeeds import Bounds, path_points
+from planner.check.places import Places
 from planner.check.quadrature import smallest
 from planner.geometry.curve import FeedCaps
 from planner.geometry.nurbs import NurbsCurve
@@ -42,6 +43,10 @@ class CappedLine(NurbsCurve):
 
     def _candidate_breaks(self):
         return self.feed_caps.edges[1:-1]
+
+
+def section_of(curve, limits, certificate, k):
+    return _Section.of(curve, limits, certificate, k, Places.of(curve))
 
 
 def tangential(velocity=V, acceleration=A, jerk=J):
@@ -210,7 +215,7 @@ def both_sides(curve, limits, certificate, x_of, jumps=()):
     """Int l q_ddd / J dt + int m q_dd / A dsigma by third derivatives, and by parts as the verifier has it."""
     left = right = 0.0
     for k in range(len(certificate.sections)):
-        section = _Section.of(curve, limits, certificate, k)
+        section = section_of(curve, limits, certificate, k)
         parts, bounds = section.path.parts, Bounds.of(limits)
         i, r, weight = pieces_of(section)
         span = parts.sigma[-1] + parts.h[-1]
@@ -292,7 +297,7 @@ class TestIdentity:
         curve, limits = limits_for(name)
         certificate = smooth_certificate(curve, seed=5, knots=40, feeds=(1.0, 1.0))
         left, right = both_sides(curve, limits, certificate, motion)
-        section = _Section.of(curve, limits, certificate, 0)
+        section = section_of(curve, limits, certificate, 0)
         span = certificate.sections[0].sigma[-1]
         for end, sign in ((0, -1.0), (1, 1.0)):
             points = path_points(curve, limits, section.path.parts, np.array([-end]) % section.path.parts.h.size,
@@ -307,7 +312,7 @@ class TestIdentity:
         curve, limits = limits_for("circle")
         certificate = smooth_certificate(curve, seed=6, knots=40, feeds=(1.0, 1.0))
         left, right = both_sides(curve, limits, certificate, turning)
-        section = _Section.of(curve, limits, certificate, 0)
+        section = section_of(curve, limits, certificate, 0)
         x, x1, _ = turning(np.zeros(1))
         first, last = section.side(0), section.side(1)
         span, parts = certificate.sections[0].sigma[-1], section.path.parts
@@ -377,7 +382,7 @@ class TestCurvatureJumps:
 
     def test_the_price_covers_every_step_that_a_check_grants(self):
         curve, limits = bends(), self.limits()
-        section = _Section.of(curve, limits, smooth_certificate(curve, seed=2, jerk=0.8, acceleration=0.2), 0)
+        section = section_of(curve, limits, smooth_certificate(curve, seed=2, jerk=0.8, acceleration=0.2), 0)
         assert section.jumps.all()
         assert section.joins.size == 2
         before = sides(section.path, section.stretches, section.joins, 1)
@@ -401,7 +406,7 @@ class TestCurvatureJumps:
     def test_what_a_step_takes_from_the_jerk_around_it_pays_for_it(self):
         curve, limits = bends(), self.limits()
         smooth = smooth_certificate(curve, seed=2, jerk=0.8, acceleration=0.0)
-        section = _Section.of(curve, limits, smooth, 0)
+        section = section_of(curve, limits, smooth, 0)
         (a, _), (b, _) = (sides(section.path, section.stretches, section.joins + k, 1 - k) for k in (0, 1))
         level = dataclasses.replace(a, force=a.force * 0.0), dataclasses.replace(b, force=b.force * 0.0)
         alone = stepped(*level, section.path, np.zeros(3))
@@ -414,7 +419,7 @@ class TestCurvatureJumps:
 
     def test_jumps_close_to_another_or_to_an_end_are_not_alone(self):
         curve, limits = bends(), self.limits()
-        section = _Section.of(curve, limits, smooth_certificate(curve, seed=2, jerk=0.8), 0)
+        section = section_of(curve, limits, smooth_certificate(curve, seed=2, jerk=0.8), 0)
         s = section.stretches
         times = np.linspace(0.0, 1.0, s.lower.size + 1)
         found = spared_around(section.path, s, times, np.array([0.3, 0.6]))

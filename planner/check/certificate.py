@@ -34,6 +34,7 @@ from planner.certificate import Certificate, CertificateSection
 from planner.check.atoms import Side, end_term, passed, seam, sides, spared_around, stepped
 from planner.check.multipliers import IntArray, Multipliers, require_increasing
 from planner.check.pathspeeds import Flags, path_points
+from planner.check.places import Places
 from planner.check.quadrature import SectionPath, Stretches, lay_out
 from planner.check.shapes import require_valid
 from planner.check.sizes import EPS, ON_KNOT
@@ -123,7 +124,8 @@ def verify_bound(curve: Curve, limits: Limits, certificate: Certificate) -> Boun
     """
     limits.require_matches(curve)
     require_valid(certificate, curve)
-    sections = [_Section.of(curve, limits, certificate, k) for k in range(len(certificate.sections))]
+    places = Places.of(curve)
+    sections = [_Section.of(curve, limits, certificate, k, places) for k in range(len(certificate.sections))]
     scales = [section.scale() for section in sections]
     if certificate.periodic:  # the multipliers must still meet where the path closes
         scales = [min(scales)] * len(scales)
@@ -133,8 +135,9 @@ def verify_bound(curve: Curve, limits: Limits, certificate: Certificate) -> Boun
     if certificate.periodic:
         total += _closing(sections, certificate)
     proved = total - allowance
-    stops = _assumed_stops(curve, certificate)
-    statement = _statement(curve, limits, certificate, stops, proved)
+    inner = np.array([section.u[0, -1] for section in certificate.sections[:-1]])
+    stops = tuple(float(u) for u in inner[~places.on(places.corners, inner)])
+    statement = _statement(curve, limits, certificate, stops, proved, steps=places.jumps.size > 0)
     return BoundReport(proved, float(certificate.bound), allowance, min(scales), stops, statement)
 
 
@@ -183,21 +186,20 @@ class _Section:
     jumps: Flags  # whether the curvature jumps there
 
     @classmethod
-    def of(cls, curve: Curve, limits: Limits, certificate: Certificate, k: int) -> _Section:
+    def of(cls, curve: Curve, limits: Limits, certificate: Certificate, k: int, places: Places) -> _Section:
         data = certificate.sections[k]
         jerk = [_motion(curve, name, "jerk") for name in certificate.jerk_names]
         acceleration = [_motion(curve, name, "acceleration") for name in certificate.acceleration_names]
         parts = Multipliers.of(data, jerk, acceleration, curve.dim + 1)
         require_increasing(parts, f"section {k}")
-        breaks, jumps = _inner_breaks(curve, data, k)
+        breaks, jumps = places.inside(data, f"section {k} of the certificate")
         rests = data.start_feed == 0.0, data.end_feed == 0.0
         speeds = np.stack([_end_speeds(curve, limits, parts, feed, at) for at, feed in enumerate(_feeds(data))])
         path = SectionPath(curve, limits, parts, speeds)
         double = np.flatnonzero(np.diff(parts.knot) > 1)
         u = parts.u[1, :-1]
-        near = ON_KNOT * (curve.domain[1] - curve.domain[0])
-        at = np.union1d(double, np.flatnonzero(_is_near(u, breaks, near)))
-        return cls(data, path, lay_out(path, rests, breaks, jumps), at, _is_near(u[at], jumps, near))
+        at = np.union1d(double, np.flatnonzero(places.on(breaks, u)))
+        return cls(data, path, lay_out(path, rests, breaks, jumps), at, places.on(jumps, u[at]))
 
     def scale(self) -> float:
         """Factor by which the multipliers have to shrink until sum |l| <= 1."""
@@ -264,36 +266,6 @@ def _end_speeds(curve: Curve, limits: Limits, parts: Multipliers, feed: float, e
     return np.asarray(np.abs(first) * (feed / first[-1]))
 
 
-def _is_near(u: FloatArray, places: FloatArray, tolerance: float) -> Flags:
-    """Which parameters u lie on one of the increasing places."""
-    if places.size == 0:
-        return np.zeros(u.shape, dtype=bool)
-    k = np.clip(np.searchsorted(places, u), 1, places.size) - 1
-    distance = np.minimum(np.abs(u - places[k]), np.abs(u - places[np.minimum(k + 1, places.size - 1)]))
-    return np.asarray(distance <= tolerance)
-
-
-def _inner_breaks(curve: Curve, data: CertificateSection, k: int) -> tuple[FloatArray, FloatArray]:
-    """Parameters inside a section at which the curve has knots, and those at which its curvature jumps."""
-    near = ON_KNOT * (curve.domain[1] - curve.domain[0])
-    u0, u1 = float(data.u[0, 0]), float(data.u[0, -1])
-
-    def inside(u: FloatArray) -> FloatArray:
-        return u[(u > u0 + near) & (u < u1 - near)]
-
-    breaks = inside(curve._candidate_breaks())
-    missing = breaks[~_is_near(breaks, np.unique(data.u[0]), near)]
-    if missing.size:
-        raise InputError(f"section {k} of the certificate has no knot at u = {missing[0]:.9g}, where the curve has one")
-    corners = inside(np.array([b.u for b in curve.breaks if b.geometric == 0]))
-    if corners.size:
-        raise InputError(
-            f"section {k} of the certificate passes the corner at u = {corners[0]:.9g}; every plan stops there, so a "
-            "section must end there"
-        )
-    return breaks, inside(np.array([b.u for b in curve.breaks if b.geometric == 1]))
-
-
 def _motion(curve: Curve, name: str, what: str) -> int:
     """Index of the motion that a limit is of: an axis, or after them the tip's arc length."""
     names = [*(f"{what} {axis}" for axis in curve.axes), f"tangential {what}"]
@@ -316,15 +288,9 @@ def _closing(sections: Sequence[_Section], certificate: Certificate) -> float:
     return seam(end, start, first.path, smooth)
 
 
-def _assumed_stops(curve: Curve, certificate: Certificate) -> tuple[float, ...]:
-    """Where sections meet besides corners."""
-    near = ON_KNOT * (curve.domain[1] - curve.domain[0])
-    corners = np.array([b.u for b in curve.breaks if b.geometric == 0])
-    inner = np.array([section.u[0, -1] for section in certificate.sections[:-1]])
-    return tuple(float(u) for u in inner[~_is_near(inner, corners, near)])
-
-
-def _statement(curve: Curve, limits: Limits, certificate: Certificate, stops: Sequence[float], proved: float) -> str:
+def _statement(
+    curve: Curve, limits: Limits, certificate: Certificate, stops: Sequence[float], proved: float, *, steps: bool
+) -> str:
     """Say what is proved for which plans."""
     first, last = certificate.sections[0], certificate.sections[-1]
     if certificate.periodic:
@@ -340,6 +306,6 @@ def _statement(curve: Curve, limits: Limits, certificate: Certificate, stops: Se
         parts.append(f"for plans that stop at u = {shown} ({len(stops)} besides corners)")
     if np.isfinite(limits.chord_error):
         parts.append("for plans within the feed of the chord error by the osculating circle at every point")
-    if any(b.geometric == 1 for b in curve.breaks):
+    if steps:
         parts.append("for plans whose acceleration steps at curvature jumps only")
     return "; ".join(parts)

@@ -33,6 +33,7 @@ _CLOSER = 10  # halvings of the interval next to a stop
 _TARGET = 1e-10  # of the integral: the disagreement to be reached
 _ROUNDS = 24
 _AT_ONCE = 4000  # parts; bounds the memory
+_MOST_OPEN = 8000  # parts; a certificate whose integrand is rough everywhere is paid with a large allowance
 
 Nodes = tuple[PathPoints, IntArray, FloatArray]  # of parts: the path there, and the interval and r of each, flat
 
@@ -148,6 +149,7 @@ class SectionPath:
             with np.errstate(invalid="ignore"):
                 apart = np.abs(pairs.sum(axis=1) - whole)
             open_ = (apart > share) & (last > 1) & np.isfinite(apart)
+            open_ &= np.count_nonzero(open_) <= _MOST_OPEN
             found += float(np.sum(pairs[~open_]))
             doubt += float(np.sum(apart[~open_]))
             if not open_.any():
