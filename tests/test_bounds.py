@@ -30,7 +30,9 @@ JUMPS = NurbsCurve(
     2,
     [1, 1, 1, np.sqrt(0.5), 1, 1, 1],
 )
-SAWTOOTH = "G21 G90 G64 P0.01\nG0 X0 Y0\nG1 X20 F6000\n" + "".join(f"X{x} Y20\nY0\n" for x in range(40, 121, 20)) + "M2\n"
+SAWTOOTH = (
+    "G21 G90 G64 P0.01\nG0 X0 Y0\nG1 X20 F6000\n" + "".join(f"X{x} Y20\nY0\n" for x in range(40, 121, 20)) + "M2\n"
+)
 
 
 def track_of(curve, limits, intervals, *, start=0.0, end=0.0, periodic=False):
@@ -230,7 +232,7 @@ def plans_of(curve, limits, rng):
     """Plans by every method and on several grids, those that pass their check."""
     for method in ("optimal", "nlp", "toppra", "scurve"):
         for intervals in {int(rng.integers(30, 120)), int(rng.integers(200, 800))}:
-            if method in {"nlp", "scurve"} and intervals > 200:
+            if (method in {"nlp", "scurve"} and intervals > 200) or (method == "nlp" and rng.random() < 0.8):
                 continue
             try:
                 profile = plan_feedrate(curve, limits, method=method, intervals=intervals)
