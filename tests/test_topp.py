@@ -97,7 +97,8 @@ def test_no_plan_with_a_jerk_limit_is_faster(seed):
     assert bound.lower_bound <= bound.duration
     plan = plan_feedrate(curve, limits)
     assert bound.lower_bound * (1.0 - 1e-4) <= plan.duration
-    assert plan.lower_bound == pytest.approx(bound.lower_bound, rel=2e-3)
+    # the bound of a plan knows the jerk limit: it lies above the optimum without one, but for its own coarseness
+    assert bound.lower_bound * (1.0 - 2e-3) <= plan.lower_bound <= plan.duration
 
 
 def test_the_limit_of_a_high_jerk_is_the_plan_without_one():
