@@ -275,7 +275,7 @@ class TestCommand:
         assert (code, err) == (0, "")
         table = out[: out.index("slowed down")].splitlines()
         lines = {line.split()[0]: line.split() for line in table if line.startswith(("algo", "2002", "opt"))}
-        assert lines["optimal"][1:3] == ["1.1405", "nothing"]
+        assert lines["optimal"][1:3] == ["1.1402", "nothing"]
         assert "J" in lines["algorithm-1"][2]
         assert "saves 0.7" in out
         assert "scurve" in out

@@ -116,13 +116,18 @@ def test_neighbouring_corners_share_a_short_block():
     assert junctions.reach.sum() < 0.1
 
 
-@pytest.mark.parametrize(("tolerance", "seconds"), [(1e-3, 0.6884), (1e-2, 0.6744), (5e-2, 0.6561)])
-def test_time_of_a_right_angle(tolerance, seconds):
-    """20 + 20 mm, a = 1000, J = 2e4, F = 100 mm/s; an exact stop takes 0.7000 s."""
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-2, 5e-2])
+def test_time_of_a_right_angle(tolerance):
+    """20 + 20 mm, a = 1000, J = 2e4, F = 100 mm/s: two legs of 0.35 s, which overlap in the corner.
+
+    There one axis still brakes under +J while the other starts under +J: X = J t^3 / 6 over the size A of the corner, so
+    each leg gives 2 (6 A / J)^(1/3) of its time, A = tolerance / sqrt 2, to the other.
+    """
+    seconds = 0.7 - 2.0 * np.cbrt(6.0 * tolerance / np.sqrt(2.0) / 2e4)
     limits = Limits(100.0, [250.0] * 2, [1000.0] * 2, [2e4] * 2)
     path = program_path(program(line(20, 0), line(20, 20)), tolerance, limits)
     profile = plan_feedrate(path.curve, limits, intervals=2000)
-    assert profile.duration == pytest.approx(seconds, abs=3e-4)
+    assert seconds * (1.0 - 1e-6) <= profile.duration <= seconds * (1.0 + 2e-4)
 
 
 def test_corner_beside_an_arc_keeps_the_tolerance():
