@@ -23,9 +23,12 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.durations import cases
-from planner import load_curve, load_limits
-from planner.bounds import without_jerk
+from planner import load_curve, load_limits, plan_feedrate
+from planner.bounds import certify, section_bound
 from planner.constraints import Constraints, build
+from planner.dual.method import best_multipliers
+from planner.dual.problem import best_splines, problem_of
+from planner.dual.terms import Track
 from planner.geometry.curve import Curve, FloatArray
 from planner.grid import place_knots, scan, with_blends
 from planner.law import TimeNodes, Utilisation, utilisation
@@ -33,7 +36,7 @@ from planner.limits import Limits
 from planner.profile import evaluate_law
 from planner.refine import Attempt, Stage, Task
 from planner.sections import BLEND_LENGTH, Section, cut
-from planner.solvers import optimal, relaxed
+from planner.solvers import optimal
 from planner.solvers.optimal import Iterate
 
 INTERVALS = 1000
@@ -366,54 +369,50 @@ def grid_rows(name: str, counts: Sequence[int]) -> list[GridRow]:
 
 @dataclass(frozen=True, eq=False)
 class Relaxed:
-    """The optimum of the convex relaxation: x and pace y at every point, and the bound, s."""
+    """Where the method of the lower bound ends: x and pace y at its points, scaled, and the bound, s."""
 
     x: FloatArray
     pace: FloatArray
     bound: float
 
 
-def relax(problem: Constraints, solution: Iterate) -> Relaxed:
-    """Solve the convex relaxation and keep where it ends."""
-    ends: list[tuple[Iterate, Any]] = []
-    step = relaxed._iterate
-
-    def watched(it: Iterate, epigraph: Any) -> float:
-        ends[:] = [(it, epigraph)]
-        return step(it, epigraph)
-
-    with patch.object(relaxed, "_iterate", watched):
-        bound = relaxed.relaxed_time(problem, solution.z)
-    return Relaxed(ends[0][0].z[0], ends[0][1].pace, bound * problem.time_unit)
+def relax(of: Case, intervals: int = INTERVALS) -> Relaxed:
+    """Solve for the multipliers of the lower bound, and keep the primal state they belong to."""
+    track = Track.on(of.section, of.limits, place_knots(of.section, of.task.guess, intervals))
+    margin = np.ones(track.h.size)
+    problem, _ = problem_of(track, of.task.guess, margin, periodic=False)
+    state = best_multipliers(problem)
+    bound, _ = best_splines(track, of.task.guess, periodic=False)
+    return Relaxed(state.points[:, 1], state.points[:, 0], bound)
 
 
 @dataclass(frozen=True)
 class BoundRow:
-    """Optimum of the collocated problem, its two bounds, and where the relaxation is loose."""
+    """A plan, its two bounds, and where the relaxation is loose."""
 
     case: str
-    optimum_s: float
-    without_jerk_s: float
-    relaxation_s: float
+    planned_s: float
+    carried_s: float
+    certified_s: float
     gap: float
     loose_points: float
     multipliers_prove_it: bool
 
 
 def bound_row(name: str) -> BoundRow:
-    """Solve a case and its relaxations on the same grid."""
+    """Plan a case and bound it."""
     of = case(name)
+    profile = plan_feedrate(of.curve, of.limits)
     problem = constraints(of)
     solution = optimal.solve(problem, optimal.start_from(problem, problem.guess))
     assert solution.iterate is not None
-    found = relax(problem, solution.iterate)
-    grid = place_knots(of.section, of.task.guess, INTERVALS)
+    found = relax(of)
     return BoundRow(
         name,
-        solution.time * problem.time_unit,
-        without_jerk(of.section, of.limits, grid)[1],
-        found.bound,
-        1.0 - found.bound / (solution.time * problem.time_unit),
+        profile.duration,
+        section_bound(of.section, of.limits, INTERVALS),
+        float(certify(of.curve, of.limits, profile)),
+        1.0 - found.bound / profile.duration,
         float((found.pace * np.sqrt(found.x) > 1.001).mean()),
         optimal.is_global(solution.iterate),
     )

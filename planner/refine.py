@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.bounds import without_jerk
+from planner.bounds import section_bound
 from planner.constraints import Constraints, Parameter, build
 from planner.errors import InfeasibleError, SolverError
 from planner.geometry.curve import FloatArray
@@ -296,8 +296,7 @@ def plan_section(
     _require_met(task, best)
     stats = {**best.stats, "notes": notes, "solve_cpu_s": spent, "first_solve_cpu_s": first}
     _say_slowing_down(best, stats)
-    bound = without_jerk(section, limits, stage.grid)[1]
-    return SectionPlan(best.nodes, min(bound, float(best.nodes.t[-1])), stats)
+    return SectionPlan(best.nodes, section_bound(section, limits, wanted, periodic=periodic), stats)
 
 
 @dataclass(frozen=True, eq=False)

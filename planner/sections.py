@@ -20,6 +20,7 @@ down to the stop; velocity and acceleration of every axis vanish there by themse
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -247,6 +248,20 @@ def cut(
     stops = {b.u: 0.0 for b in curve.breaks if b.geometric == 0 or (exact_stop and b.geometric == 1)}
     if not periodic:
         stops |= {bend.u: bend.radius for bend in tight_bends(curve, limits, weights, hidden=fillets)}
+    return sections_between(curve, limits, stops, start_feed, end_feed, periodic=periodic)
+
+
+def sections_between(
+    curve: Curve,
+    limits: Limits,
+    stops: Mapping[float, float],
+    start_feed: float,
+    end_feed: float,
+    *,
+    periodic: bool = False,
+) -> list[Section]:
+    """Cut a path at the given parameters, each with the radius of a bend whose tip it is, or 0."""
+    weights = axis_weights(limits)
     breaks = np.array([b.u for b in curve.breaks])
     arc: ArcLength | None = None
     sections = []

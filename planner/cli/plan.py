@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import time
-from contextlib import suppress
 from dataclasses import replace
 from enum import StrEnum
 from importlib import resources
@@ -94,7 +93,7 @@ def plan(
         share = 1.0 if program is None else PATH_SHARE
         part = load_part(curve, scale, machine, feed_mm_s, period_s, tolerance_mm, share)
         path, limits = part.curve, part.limits
-        from planner import SolverError, certify, write_table
+        from planner import certify, write_table
         from planner.programs.times import write_line_times
         from planner.progress import ProgressLine, load_kernels
 
@@ -114,8 +113,7 @@ def plan(
             seconds = time.perf_counter() - started
             if method is not Method.toppra:
                 line("bounding the time from below")
-                with suppress(SolverError):  # the plan keeps its own, looser bound
-                    profile = replace(profile, lower_bound=certify(path, limits, profile))
+                profile = replace(profile, lower_bound=float(certify(path, limits, profile)))
             if output is not None:
                 line(f"writing {output}")
                 write_table(output, profile, limits)

@@ -6,7 +6,7 @@ Layout: points run along the last axis of every array, so the loops over points 
     jerk   (m,)        True where b is the pace y, False where b = 1
     slack, dual, product (m, 2, p)   of the upper and the lower side
     z, step (3, p)     x, a, c at every point
-    pace, pace_step (p,)   y: x^(-1/2), or a variable of its own in the convex relaxation
+    pace, pace_step (p,)   y = x^(-1/2)
     hessian (6, p)     xx, xa, xc, aa, ac, cc
     gradient (3, p)
 """

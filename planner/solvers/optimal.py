@@ -36,7 +36,7 @@ End conditions.  A rest needs none (the rest map).  A prescribed feed fixes x at
 acceleration a at the first, a periodic path equates both states: the first knot is fixed in the root solve, the others are
 rows added by the Schur complement of a few extra sweeps.
 
-Whether the KKT point found is the global optimum is answered by the convex relaxation in ``relaxed.py``.  ``Lam <= w`` at
+Whether the KKT point found is the global optimum is answered by the lower bound of ``bounds.py``.  ``Lam <= w`` at
 every point would be another proof, but the multipliers of neighbouring points share their load unevenly, so that it fails
 at single points next to stops although the optimum is global.
 """
