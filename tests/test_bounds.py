@@ -30,7 +30,9 @@ JUMPS = NurbsCurve(
     2,
     [1, 1, 1, np.sqrt(0.5), 1, 1, 1],
 )
-SAWTOOTH = "G21 G90 G64 P0.01\nG0 X0 Y0\nG1 X20 F6000\n" + "".join(f"X{x} Y20\nY0\n" for x in range(40, 121, 20)) + "M2\n"
+SAWTOOTH = (
+    "G21 G90 G64 P0.01\nG0 X0 Y0\nG1 X20 F6000\n" + "".join(f"X{x} Y20\nY0\n" for x in range(40, 121, 20)) + "M2\n"
+)
 
 
 def track_of(curve, limits, intervals, *, start=0.0, end=0.0, periodic=False):
