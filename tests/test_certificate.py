@@ -347,6 +347,84 @@ def bends(axes=("X", "Y")):
     return NurbsCurve(points, [0.0, 0.0, 0.0, 40.0, 80.0, 120.0, 120.0, 120.0], 2, axes=axes, name="bends")
 
 
+class TestParts:
+    """Single terms against dense sampling."""
+
+    def section(self, **options):
+        curve, limits = limits_for("teardrop")
+        return section_of(curve, limits, smooth_certificate(curve, seed=8, **options), 0)
+
+    def test_the_largest_load_and_the_smallest_size(self):
+        section = self.section(jerk=3.0, knots=6)
+        s, parts = section.stretches, section.path.parts
+        i, r, _ = pieces_of(section, 60)
+        dense = np.abs(parts.jerk_at(i, r)[0])
+        load = parts.largest_load(s.interval, s.lower, s.upper).reshape(-1)
+        sampled = dense.sum(axis=0).reshape(load.size, -1).max(axis=1)
+        assert np.all(load >= sampled - 1e-12)
+        np.testing.assert_allclose(load, sampled, rtol=1e-2)
+        inside = load > parts_ends(parts, s) + 1e-9  # the largest is within the part
+        assert inside.any()
+
+    def test_the_integral_of_m(self):
+        section = self.section(acceleration=1.0, knots=9)
+        i, r, weight = pieces_of(section, 200)
+        dense = np.sum(weight * np.abs(section.path.parts.acceleration_at(i, r)[0]).sum(axis=0))
+        assert section.path.parts.acceleration_price() == pytest.approx(dense, rel=1e-4)
+
+    def test_the_feed_of_the_chord_error(self):
+        """On a circle of 10 mm, the chord of a period leaves it by the error exactly."""
+        curve = load_curve("circle")
+        radius = 1.0 / curve.curvature(np.array([0.3]))[0]
+        limits = Limits(1e9, [np.inf] * 2, [np.inf] * 2, [np.inf] * 2, chord_error=1e-3, period=2e-3)
+        nothing = smooth_certificate(curve, seed=0, jerk=0.0, acceleration=0.0, feeds=(np.nan,) * 2, periodic=True)
+        report = verify_bound(curve, limits, nothing)
+        chord = curve.length / report.proved * limits.period
+        assert radius - np.sqrt(radius**2 - 0.25 * chord**2) == pytest.approx(1e-3, rel=1e-9)
+        assert "osculating circle" in report.statement
+
+    def test_what_the_quadrature_may_be_off_is_subtracted(self):
+        curve, limits = limits_for("flank")
+        certificate = smooth_certificate(curve, seed=3)
+        section = section_of(curve, limits, certificate, 0)
+        value, doubt = section.scaled(section.scale()).value()
+        report = verify_bound(curve, limits, certificate)
+        assert doubt > 0.0
+        assert report.allowance == doubt
+        assert report.proved == value - doubt
+
+    def test_a_rough_certificate_is_paid_for_and_ends(self):
+        curve, limits = limits_for("teardrop")
+        certificate = smooth_certificate(curve, seed=3, knots=400)
+        (section,) = certificate.sections
+        rng = np.random.default_rng(0)
+        rough = dataclasses.replace(section, jerk=rng.uniform(-1.0, 1.0, section.jerk.shape))
+        report = verify_bound(curve, limits, dataclasses.replace(certificate, sections=(rough,)))
+        assert report.proved < 0.0
+        assert report.scale < 1.0
+
+    def test_a_periodic_path_pays_where_it_closes_and_shrinks_as_a_whole(self):
+        curve, limits = limits_for("circle")
+        options = {"feeds": (np.nan, np.nan), "periodic": True, "stops": (sum(curve.domain) / 2.0,)}
+        certificate = smooth_certificate(curve, seed=4, jerk=2.0, acceleration=0.01, **options)
+        first, last = (section_of(curve, limits, certificate, k) for k in (0, 1))
+        scales = first.scale(), last.scale()
+        assert scales[0] != scales[1]
+        first, last = first.scaled(min(scales)), last.scaled(min(scales))
+        price = seam(last.side(1), first.side(0), first.path, smooth=True)
+        assert price < 0.0
+        (a, off_a), (b, off_b) = first.value(), last.value()
+        report = verify_bound(curve, limits, certificate)
+        assert report.scale == min(scales)
+        assert report.proved == pytest.approx(a + b - off_a - off_b + price, rel=1e-12)
+
+
+def parts_ends(parts, stretches):
+    """Larger of the loads at both ends of each part."""
+    s = stretches
+    return np.max([np.abs(parts.jerk_at(s.interval, r)[0]).sum(axis=0) for r in (s.lower, s.upper)], axis=0)
+
+
 class TestCurvatureJumps:
     def limits(self, **others):
         return Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2, **others)
@@ -381,7 +459,7 @@ class TestCurvatureJumps:
             assert _least(jump, tangent, pull, cap, cost, saved, largest) == pytest.approx(best.fun, rel=1e-6, abs=1e-6)
 
     def test_the_price_covers_every_step_that_a_check_grants(self):
-        curve, limits = bends(), self.limits()
+        curve, limits = bends(), self.limits(tangential_acceleration=900.0, tangential_jerk=3000.0)
         section = section_of(curve, limits, smooth_certificate(curve, seed=2, jerk=0.8, acceleration=0.2), 0)
         assert section.jumps.all()
         assert section.joins.size == 2
@@ -391,7 +469,9 @@ class TestCurvatureJumps:
         largest = limits.jerk * limits.period / 0.75
         count = 0
         for a, b in zip(before, after, strict=True):
-            price = stepped(a, b, section.path, np.zeros(3))
+            price, found = stepped(a, b, section.path, np.zeros(3)), np.inf
+            spared = np.array([0.1, 0.2, 0.0])
+            cheap, found_cheap = stepped(a, b, section.path, spared), np.inf
             tip = a.turn[:2] / a.turn[-1]
             for _ in range(4000):
                 speed2 = min(a.cap, b.cap) * rng.uniform() ** 2
@@ -400,7 +480,15 @@ class TestCurvatureJumps:
                     continue
                 count += 1
                 steps = np.append(step, step @ tip)
-                assert price <= (a.pull - b.pull) * speed2 - a.load @ steps + 1e-12
+                paid = (a.pull - b.pull) * speed2 - a.load @ steps
+                assert price <= paid + 1e-12
+                found = min(found, paid)
+                # 1.5 periods before and after with 0.75 D / T less jerk
+                paid += 2.0 * 1.5 * 0.75 * float(np.dot(spared[:2] / limits.jerk, np.abs(step)))
+                assert cheap <= paid + 1e-12
+                found_cheap = min(found_cheap, paid)
+            assert price == pytest.approx(found, rel=0.15)
+            assert cheap == pytest.approx(min(found_cheap, 0.0), rel=0.15, abs=1e-9)
         assert count > 500
 
     def test_what_a_step_takes_from_the_jerk_around_it_pays_for_it(self):

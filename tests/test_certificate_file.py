@@ -226,6 +226,22 @@ class TestCommand:
         assert facts["lower_bound_s"] == facts["certificate"]["proved_s"]
         assert facts["certificate"]["ok"] is True
 
+    def test_planned_and_checked(self, run, tmp_path):
+        table, file = tmp_path / "plan.npz", tmp_path / "bound.npz"
+        code, out, _ = run("plan", "teardrop", "--intervals", "200", "-o", table, "--certificate", file)
+        assert code == 0
+        assert "proved by the certificate" in out
+        code, out, _ = run("check", table, "teardrop", "--certificate", file, "--json")
+        facts = json.loads(out)
+        assert code == 0
+        proof = facts["certificate"]
+        assert proof["claimed_s"] <= proof["proved_s"] * (1.0 + 1e-9)
+        assert proof["proved_s"] == pytest.approx(facts["duration_s"], rel=1e-3)
+        code, _, err = run("plan", "teardrop", "--method", "toppra", "--certificate", file)
+        assert code == 2
+        assert "the method toppra gives none" in err
+        assert run("plan", "teardrop", "--certificate", tmp_path / "bound.csv")[0] == 2
+
     def test_only_claimed(self, run, planned):
         table, source, _, _ = planned
         code, out, _ = run("check", table, source)

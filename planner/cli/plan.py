@@ -77,6 +77,7 @@ def plan(
     report: Annotated[Path | None, typer.Option(help="Page for a browser, .html.")] = None,
     program: Annotated[Path | None, typer.Option(help="LinuxCNC program of the plan; see feedplan ngc.")] = None,
     lines: Annotated[Path | None, typer.Option(help="Seconds of each line of a part program, .csv or .npz.")] = None,
+    certificate: Annotated[Path | None, typer.Option(help="Proof of the lower bound, .npz; see check.")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Plan the feed along a curve, and check the plan.
@@ -84,12 +85,16 @@ def plan(
     The plan and its samples are checked on their own, without a formula of the planner; one verdict is printed.
     """
     with exits():
+        from planner.certificatefile import read_certificate, write_certificate
+
         require_outputs(output, plot, report)
         require_outputs(lines, None)
         if program is not None:
             require_writable(program)
         if lines is not None:
             require_program(curve, "--lines")
+        if certificate is not None:
+            _require_certifiable(certificate, method)
         share = 1.0 if program is None else PATH_SHARE
         part = load_part(curve, scale, machine, feed_mm_s, period_s, tolerance_mm, share)
         path, limits = part.curve, part.limits
@@ -113,7 +118,11 @@ def plan(
             seconds = time.perf_counter() - started
             if method is not Method.toppra:
                 line("bounding the time from below")
-                profile = replace(profile, lower_bound=float(certify(path, limits, profile)))
+                bound = certify(path, limits, profile)
+                profile = replace(profile, lower_bound=float(bound))
+                if certificate is not None:
+                    line(f"writing {certificate}")
+                    write_certificate(certificate, bound.certificate)
             if output is not None:
                 line(f"writing {output}")
                 write_table(output, profile, limits)
@@ -123,8 +132,10 @@ def plan(
             if lines is not None:
                 line(f"writing {lines}")
                 write_line_times(lines, part.line_times(profile), curve)
-            files = tuple(str(name) for name in (output, plot, report, program, lines) if name is not None)
+            files = tuple(str(name) for name in (output, certificate, plot, report, program, lines) if name is not None)
             verdict = part.judge(profile, line, seconds=seconds, files=files)
+            if certificate is not None:
+                verdict = with_proof(verdict, read_certificate(certificate), line)
             if plot is not None:
                 from planner.plots import plot_plan, save_plot
 
@@ -222,6 +233,17 @@ def curves() -> None:
         from planner import CATALOG, load_curve
 
         show(_curve_list({name: load_curve(name) for name in CATALOG}))
+
+
+def _require_certifiable(certificate: Path, method: Method) -> None:
+    """Refuse a certificate that could not be made or written before the work begins."""
+    from planner.certificatefile import require_npz
+    from planner.errors import InputError
+
+    require_npz(certificate)
+    require_writable(certificate)
+    if method is Method.toppra:
+        raise InputError("--certificate needs a lower bound; the method toppra gives none")
 
 
 def _distance(profile: FeedrateProfile, samples: Samples) -> float:
