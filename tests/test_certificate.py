@@ -586,7 +586,7 @@ class TestPlans:
         assert report.ok
         faster = Limits(1e6, [V, np.inf], [0.99 * A, np.inf], [J, np.inf])
         slower = plan_feedrate(line(), faster.with_feed(V), intervals=100)
-        slower = replace(slower, lower_bound=np.nan)  # its own bound is about the lower limits
+        slower = dataclasses.replace(slower, lower_bound=np.nan)  # its own bound is about the lower limits
         assert verify_plan_bound(line(), limits, certificate, slower).ok
         denied = verify_plan_bound(line(), faster, line_certificate(line(), L, V, 0.99 * A, J), plan)
         assert "error of this program" in denied.refusal
