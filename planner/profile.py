@@ -64,6 +64,8 @@ class FeedrateProfile:
         The solver that made it.
     stats : mapping
         What the solver says of its work: status, iterations, computing times, and the like.
+    limits : Limits, optional
+        What it was planned for: by these ``binding`` is named.
     """
 
     curve: Curve
@@ -80,6 +82,7 @@ class FeedrateProfile:
     lower_bound: float = np.nan
     method: str = ""
     stats: Mapping[str, Any] = field(default_factory=dict)
+    limits: Limits | None = None
 
     def __post_init__(self) -> None:
         for name in ("t", "u", "u_rate", "u_acceleration", "s", "feed", "acceleration", "jerk", "binding"):
@@ -279,6 +282,7 @@ def make_profile(
         float(lower_bound),
         method,
         dict(stats or {}),
+        limits,
     )
 
 

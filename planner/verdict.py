@@ -83,6 +83,11 @@ class Verdict:
         return self.profile.duration / bound - 1.0 if bound > 0.0 else math.nan
 
     @property
+    def bound_claimed(self) -> bool:
+        """The lower bound is a table's own word: nothing here has shown it."""
+        return bool(self.profile.stats.get("bound_claimed", False))
+
+    @property
     def notes(self) -> list[str]:
         """What the planner says of its plan, and why a plan without a jerk limit breaks one."""
         notes = [str(note) for note in self.profile.stats.get("notes", ())]
@@ -108,6 +113,7 @@ def to_json(verdict: Verdict) -> str:
         "method": profile.method,
         "duration_s": profile.duration,
         "lower_bound_s": profile.lower_bound,
+        "lower_bound_is_a_claim": verdict.bound_claimed,
         "gap": verdict.gap,
         "nodes": profile.t.size,
         "samples": verdict.samples.t.size,
@@ -231,7 +237,9 @@ def _facts(verdict: Verdict) -> RenderableType:
         named("machine", f"{verdict.machine}; {feed}, period {quantity(limits.period, 's')}"),
         named("plan", f"{profile.method}, {profile.t.size} nodes" + _planned_in(verdict.planning_time)),
     ]
-    if math.isfinite(verdict.gap):
+    if math.isfinite(verdict.gap) and verdict.bound_claimed:
+        bound = f"{profile.lower_bound:.6g} s is the table's claim, not checked; if true, the gap is at most {_percent(verdict.gap, 2)}"
+    elif math.isfinite(verdict.gap):
         bound = f"{profile.lower_bound:.6g} s; the gap is at most {_percent(verdict.gap, 2)}"
     else:
         bound = "none from this method"

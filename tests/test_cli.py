@@ -227,6 +227,13 @@ class TestCheck:
         assert facts["ok"] is False
         assert {row["limit"] for row in facts["checks"]["plan"] if not row["ok"]} >= {"feed", "jerk"}
 
+    def test_the_bound_of_a_table_is_its_claim(self, run, table):
+        code, out, _ = run("check", table, "teardrop")
+        assert code == 0
+        assert "is the table's claim, not checked; if true, the gap is at most" in " ".join(out.split())
+        assert parsed(run("check", table, "teardrop", "--json")[1])["lower_bound_is_a_claim"] is True
+        assert parsed(run("plan", "teardrop", *QUICK, "--json")[1])["lower_bound_is_a_claim"] is False
+
     def test_a_violation_shows_as_one_however_small(self, run, tmp_path, plan):
         limits = load_limits("mill").for_curve(plan.curve)
         largest = check(plan.curve, limits, plan).row("feed").worst

@@ -201,7 +201,7 @@ def replay(
             apart = _distance(profile, samples)
             if output is not None:
                 line(f"writing {output}")
-                write_samples(output, path, samples)
+                write_samples(output, path, samples, report)
         from planner.verdict import samples_text
 
         show(samples_text(profile, samples, report, apart, "" if output is None else str(output)))
