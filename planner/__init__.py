@@ -31,7 +31,8 @@ if TYPE_CHECKING:
     )
     from planner.geometry.catalog import CATALOG, load_curve
     from planner.geometry.curve import Break, Curve
-    from planner.geometry.drawing import FittedCurve, read_dxf, read_points
+    from planner.geometry.drawing import read_dxf
+    from planner.geometry.points import FittedCurve, read_points
     from planner.limits import FeedrateLimits, Limits, feedrate_limits, load_limits
     from planner.ngc import WrittenProgram, write_ngc
     from planner.plan import plan_feedrate
@@ -96,7 +97,8 @@ _HOME = {
     "errors": ("CurveError", "FeedrateError", "InfeasibleError", "InputError", "SolverError", "StalledError"),
     "geometry.catalog": ("CATALOG", "load_curve"),
     "geometry.curve": ("Break", "Curve"),
-    "geometry.drawing": ("FittedCurve", "read_dxf", "read_points"),
+    "geometry.drawing": ("read_dxf",),
+    "geometry.points": ("FittedCurve", "read_points"),
     "limits": ("FeedrateLimits", "Limits", "feedrate_limits", "load_limits"),
     "ngc": ("WrittenProgram", "write_ngc"),
     "plan": ("plan_feedrate",),

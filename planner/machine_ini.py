@@ -25,7 +25,7 @@ from typing import Any
 
 from planner.errors import InputError
 from planner.geometry.curve import AXES, ROTARY_AXES
-from planner.geometry.inputs import shorten
+from planner.geometry.inputs import plain_number, shorten
 
 _LINEAR_UNITS = {"mm": 1.0, "metric": 1.0, "in": 25.4, "inch": 25.4, "imperial": 25.4}
 _ANGULAR_UNITS = {
@@ -167,11 +167,8 @@ def _unit(
 
 def _positive(entry: tuple[str, int], what: str, where: str) -> float:
     value, line = entry
-    try:
-        number = float(value)
-    except ValueError:
-        number = math.nan
-    if not 0.0 < number < math.inf:
+    number = plain_number(value)
+    if number is None or not 0.0 < number < math.inf:
         raise InputError(
             f"{where}:{line}: {what} = {shorten(value)} must be a number > 0; leave the line out for no limit"
         )

@@ -88,6 +88,7 @@ def _encode(text: str) -> bytes:
 
 
 def digest_of_rows(columns: Iterable[NDArray[Any]]) -> str:
+    """The seal of columns, in the order they are written in."""
     digest = hashlib.sha256()
     for values in columns:
         digest.update(np.ascontiguousarray(values, dtype="<f8" if values.dtype == np.float64 else values.dtype).data)
@@ -95,6 +96,7 @@ def digest_of_rows(columns: Iterable[NDArray[Any]]) -> str:
 
 
 def digest_of_lines(header: Mapping[str, str]) -> str:
+    """The seal of header lines; its own line does not count."""
     text = "".join(f"{key} = {value}\n" for key, value in header.items() if key != _SEALS[1])
     return hashlib.sha256(text.encode("utf-8")).hexdigest()
 

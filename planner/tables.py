@@ -294,7 +294,8 @@ def _require_curve(file: ColumnFile, curve: Curve) -> None:
     if found != curve.fingerprint:
         raise InputError(
             f"{file.path}: the table is for the curve {shorten(file.header['curve'])} (hash {shorten(found)[:12]}), not "
-            f"for {curve.name} (hash {curve.fingerprint[:12]}); give the curve, and the scale and tolerance, it was planned with"
+            f"for {curve.name} (hash {curve.fingerprint[:12]}); give the curve, and the scale and tolerance, it was planned "
+            "with"
         )
 
 

@@ -238,7 +238,8 @@ def _facts(verdict: Verdict) -> RenderableType:
         named("plan", f"{profile.method}, {profile.t.size} nodes" + _planned_in(verdict.planning_time)),
     ]
     if math.isfinite(verdict.gap) and verdict.bound_claimed:
-        bound = f"{profile.lower_bound:.6g} s is the table's claim, not checked; if true, the gap is at most {_percent(verdict.gap, 2)}"
+        gap = _percent(verdict.gap, 2)
+        bound = f"{profile.lower_bound:.6g} s is the table's claim, not checked; if true, the gap is at most {gap}"
     elif math.isfinite(verdict.gap):
         bound = f"{profile.lower_bound:.6g} s; the gap is at most {_percent(verdict.gap, 2)}"
     else:

@@ -6,7 +6,6 @@ import dataclasses
 import io
 import os
 import zipfile
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -499,7 +498,7 @@ class TestTruth:
     def test_an_older_table_says_what_to_do(self, table):
         path, lines = table
         path.write_text("".join(lines).replace("feedplan-table 2", "feedplan-table 1"))
-        with pytest.raises(InputError, match='version "1" is not read; .* plan again to write it'):
+        with pytest.raises(InputError, match=r'version "1" is not read; .* plan again to write it'):
             read_table(path, CIRCLE)
 
     @pytest.mark.parametrize("shape", ["(1000000000000,)", "(13,)", "(14, 1)", "()", "(-1,)"])

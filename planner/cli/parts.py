@@ -185,7 +185,7 @@ class _Plain:
 def _load_plain(source: str, scale: float, tolerance: float | None, share: float) -> _Plain:
     """Load a curve that is no part program; the points of a CSV file are fitted within the path's tolerance."""
     from planner import load_curve
-    from planner.geometry.drawing import FittedCurve, read_points
+    from planner.geometry.points import FittedCurve, read_points
 
     if Path(source).suffix.lower() != ".csv":
         if tolerance is not None and share == 1.0:
