@@ -111,6 +111,7 @@ def write_table(path: str | Path, profile: FeedrateProfile, limits: Limits, *, r
         "lower_bound_s": repr(float(profile.lower_bound)),
         "verdict": report.summary(),
         **_limit_lines(curve.axes, limits),
+        **({"slowed": json.dumps(profile.stats["slowed"])} if "slowed" in profile.stats else {}),
         **{key: str(value) for key, value in profile.stats.get("origin", {}).items() if key in _ORIGIN},
         "limit_names": ", ".join(profile.limit_names),
         "notes": json.dumps([str(note) for note in profile.stats.get("notes", ())]),
@@ -158,6 +159,7 @@ def read_table(path: str | Path, curve: Curve) -> FeedrateProfile:
         stats |= {key: _truth(file, key) for key in ("exact_stop", "periodic")}
         stats |= {"verdict": header["verdict"], "bound_claimed": True}
         stats |= {"origin": _origin(file)} if _origin(file) else {}
+        stats |= {"slowed": _slowed(file, columns["t_s"].size)} if "slowed" in header else {}
         profile = FeedrateProfile(
             curve,
             t=columns["t_s"],
@@ -178,7 +180,9 @@ def read_table(path: str | Path, curve: Curve) -> FeedrateProfile:
         _require_agreement(file, columns, profile, limits)
         _require_facts(file, profile)
         file.require_rows(columns)
-        file.require_only([*_KEYS, *_ORIGIN, *(key for keys in _limit_keys(curve.axes).values() for key in keys)])
+        file.require_only(
+            [*_KEYS, *_ORIGIN, "slowed", *(key for keys in _limit_keys(curve.axes).values() for key in keys)]
+        )
         return profile
 
 
@@ -189,7 +193,9 @@ def table_limits(path: str | Path) -> Limits:
     """
     with reading(path, _PLAN_FORMAT, _KEYS) as file:
         limits = _limits_of(file)
-        file.require_only([*_KEYS, *_ORIGIN, *(key for keys in _limit_keys(limits.axes).values() for key in keys)])
+        file.require_only(
+            [*_KEYS, *_ORIGIN, "slowed", *(key for keys in _limit_keys(limits.axes).values() for key in keys)]
+        )
         return limits
 
 
@@ -287,6 +293,29 @@ def _notes(file: ColumnFile) -> list[str]:
             f"{file.path}: the header says notes = {shorten(file.header['notes'])}; it must be a JSON list of texts"
         )
     return notes
+
+
+def _slowed(file: ColumnFile, rows: int) -> list[tuple[int, float]]:
+    """Rows from which on, and factors by which, the plan was slowed down."""
+    text = file.header["slowed"]
+    try:
+        pairs = [(row, factor) for row, factor in json.loads(text)]
+    except (TypeError, ValueError, RecursionError):
+        pairs = []
+    at = [row for row, _ in pairs]
+    sound = bool(pairs) and all(type(row) is int and isinstance(factor, float) for row, factor in pairs)
+    if (
+        not sound
+        or at != sorted(set(at))
+        or at[0] != 0
+        or at[-1] >= rows
+        or not all(1.0 <= f < np.inf for _, f in pairs)
+    ):
+        raise InputError(
+            f"{file.path}: the header says slowed = {shorten(text)}; it must be pairs [row, factor], rows increasing from 0, "
+            "factors of at least 1"
+        )
+    return pairs
 
 
 def _require_curve(file: ColumnFile, curve: Curve) -> None:

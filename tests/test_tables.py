@@ -542,6 +542,30 @@ class TestTruth:
             with pytest.raises(InputError, match=message):
                 read_table(tmp_path / "t.csv", BENDS)
 
+    def test_a_plan_slowed_as_a_whole_says_so(self, tmp_path, teardrop):
+        """What binds is what did before, and the table says by which factor: another factor is another name somewhere."""
+        profile, limits = teardrop
+        k = 1.2
+        nodes = (profile.t * k, profile.u, profile.u_rate / k, profile.u_acceleration / k**2)
+        slowed = np.where(np.arange(profile.t.size) < 20, 1.0, k)
+        plan = make_profile(profile.curve, limits, nodes, method="", slowed=slowed)
+        assert plan.stats["slowed"] == [(0, 1.0), (20, k)]
+        assert (plan.binding[20:] == profile.binding[20:]).mean() > 0.98
+        path = tmp_path / "t.csv"
+        write_table(path, plan, limits)
+        found = read_table(path, profile.curve)
+        assert found.stats["slowed"] == plan.stats["slowed"]
+        assert check(profile.curve, limits, found).row("binding limit").ok
+        for slowed, message in (
+            ([(0, 1.0)], 'binding = ".*" disagrees'),
+            ([(0, 0.5)], "factors of at least 1"),
+            ([(1, k)], "rows increasing from 0"),
+        ):
+            false = dataclasses.replace(plan, stats={"slowed": slowed})
+            write_table(path, false, limits)
+            with pytest.raises(InputError, match=message):
+                read_table(path, profile.curve)
+
     def test_a_plan_that_breaks_a_limit_is_marked(self, tmp_path, teardrop):
         profile, limits = teardrop
         for tight, verdict in ((limits, "every limit holds"), (limits.with_feed(50.0), "BREAKS ITS LIMITS: ")):

@@ -4,7 +4,8 @@ A node is seen from the interval after it; before a break, and at the end, from 
 anew there from the curve and the time law; no column is believed.
 
 The limit named at a node must be the one of which most is used, but for ``BINDING_TOLERANCE``; "none" counts as a limit
-of which ``BINDING_SHARE`` is used, so it must be named where nothing is used more, and nowhere else.
+of which ``BINDING_SHARE`` is used, so it must be named where nothing is used more, and nowhere else.  A plan that was slowed
+down as a whole says by how much (``stats["slowed"]``); its limits count as they were used before.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from planner.geometry.curve import Curve, FloatArray
 from planner.limits import Limits
 from planner.profile import FeedrateProfile
 
-BINDING_SHARE = 0.995  # of a limit; above this it holds the path back
+BINDING_SHARE = 0.99  # of a limit; above this it holds the path back
 BINDING_TOLERANCE = 1e-3  # of a limit
 # What rounding on another machine may do to the columns: to arc length against that of the curve, to feed against the
 # largest, to acceleration and jerk against the terms of which they are the sum.
@@ -118,16 +119,19 @@ class Nodes:
             caps = np.minimum(caps, curve.feed_caps.at(u, np.asarray(self.left, dtype=np.bool_)))
         found = {"none": (none + BINDING_SHARE, none), "feed": (size[0] / caps, none)}
         found["chord error"] = (_chord_share(_bend(self.tip), size[0] * limits.period, limits.chord_error), none)
-        rows = [("tangential acceleration", 1, limits.tangential_acceleration)]
-        rows += [("tangential jerk", 2, limits.tangential_jerk)]
+        rates = _slowed(profile) ** np.arange(4)[:, None]
+        found["feed"], found["chord error"] = ((found[name][0] * rates[1], none) for name in ("feed", "chord error"))
+        rows = [("tangential acceleration", 1, limits.tangential_acceleration, rates[2])]
+        rows += [("tangential jerk", 2, limits.tangential_jerk, rates[3])]
         for k, name in enumerate(AXIS_RATES):
             rows += [
-                (f"{name} {axis}", FIRST_AXIS + k * curve.dim + j, float(getattr(limits, name)[j]))
+                (f"{name} {axis}", FIRST_AXIS + k * curve.dim + j, float(getattr(limits, name)[j]), rates[k + 1])
                 for j, axis in enumerate(curve.axes)
             ]
         with np.errstate(over="ignore", invalid="ignore"):
-            for name, row, allowed in rows:
-                found[name] = (np.nan_to_num(size[row] / allowed), np.nan_to_num(self.slack[row] / allowed))
+            for name, row, allowed, rate in rows:
+                shares = (size[row] * rate / allowed, self.slack[row] * rate / allowed)
+                found[name] = (np.nan_to_num(shares[0]), np.nan_to_num(shares[1]))
         return found
 
     def misnamed(self, limits: Limits) -> IntArray:
@@ -146,6 +150,14 @@ def limit_names(curve: Curve) -> tuple[str, ...]:
     """Every limit that a plan on a curve can name, "none" first."""
     along = ("none", "feed", "chord error", "tangential acceleration", "tangential jerk")
     return (*along, *(f"{name} {axis}" for name in AXIS_RATES for axis in curve.axes))
+
+
+def _slowed(profile: FeedrateProfile) -> FloatArray:
+    """By which factor the plan was slowed down at each node."""
+    factor = np.ones(profile.t.size)
+    for node, value in profile.stats.get("slowed", ()):
+        factor[node:] = value
+    return factor
 
 
 def _bend(tip: FloatArray) -> FloatArray:
