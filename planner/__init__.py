@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from planner.bounds import certify
     from planner.check import Report, Row, check
     from planner.errors import (
+        BrokenLimitError,
         CurveError,
         FeedrateError,
         InfeasibleError,
@@ -49,6 +50,7 @@ if TYPE_CHECKING:
 __all__ = [
     "CATALOG",
     "Break",
+    "BrokenLimitError",
     "Curve",
     "CurveError",
     "FeedrateError",
@@ -94,7 +96,15 @@ __version__ = "0.1.0"
 _HOME = {
     "bounds": ("certify",),
     "check": ("Report", "Row", "check"),
-    "errors": ("CurveError", "FeedrateError", "InfeasibleError", "InputError", "SolverError", "StalledError"),
+    "errors": (
+        "BrokenLimitError",
+        "CurveError",
+        "FeedrateError",
+        "InfeasibleError",
+        "InputError",
+        "SolverError",
+        "StalledError",
+    ),
     "geometry.catalog": ("CATALOG", "load_curve"),
     "geometry.curve": ("Break", "Curve"),
     "geometry.drawing": ("read_dxf",),

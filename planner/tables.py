@@ -312,8 +312,8 @@ def _slowed(file: ColumnFile, rows: int) -> list[tuple[int, float]]:
         or not all(1.0 <= f < np.inf for _, f in pairs)
     ):
         raise InputError(
-            f"{file.path}: the header says slowed = {shorten(text)}; it must be pairs [row, factor], rows increasing from 0, "
-            "factors of at least 1"
+            f"{file.path}: the header says slowed = {shorten(text)}; it must be pairs [row, factor], rows increasing "
+            "from 0, factors of at least 1"
         )
     return pairs
 

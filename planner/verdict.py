@@ -77,6 +77,11 @@ class Verdict:
         return self.plan_report.ok and self.samples_report.ok
 
     @property
+    def report(self) -> Report:
+        """The report that decides, for the heads of files: that of the samples where only they break a limit."""
+        return self.samples_report if self.plan_report.ok else self.plan_report
+
+    @property
     def gap(self) -> float:
         """Time above the lower bound as a fraction of it; nan where there is none."""
         bound = self.profile.lower_bound
@@ -206,6 +211,7 @@ def to_text(verdict: Verdict) -> RenderableType:
 def samples_text(profile: FeedrateProfile, samples: Samples, report: Report, apart: float, file: str) -> RenderableType:
     """Lay out what the samples of a plan use of its limits; ``apart`` is their distance from the plan, mm or rad."""
     from rich.console import Group
+    from rich.text import Text
 
     curve = profile.curve
     lines = [
@@ -215,7 +221,8 @@ def samples_text(profile: FeedrateProfile, samples: Samples, report: Report, apa
         named("off the plan", f"{apart:.3g} at most, mm or rad on any axis"),
     ]
     written = [named("written", file)] if file else []
-    return Group(*lines, "", _limit_table([("samples", report)]), "", *written)
+    verdict = [] if report.ok else [Text("LIMIT BROKEN", "bold red")]
+    return Group(*lines, "", _limit_table([("samples", report)]), "", *written, *verdict)
 
 
 def _shortened(notes: list[str]) -> list[str]:

@@ -203,18 +203,32 @@ def test_the_file_holds_every_line(tmp_path):
     times = of_file("slots")[3]
     without = without_jerk("slots")[3]
     file = tmp_path / "lines.csv"
-    write_line_times(file, times, "slots.ngc", without_jerk=without)
+    write_line_times(file, times, "slots.ngc", "every limit holds", without_jerk=without)
     words = {"kind": KINDS, "held_back_by": times.limit_names}
     with reading(file, "feedplan-lines 1", ("rows", "seconds")) as found:
         assert float(found.header["seconds"]) == times.moving
+        assert found.header["verdict"] == "every limit holds"
         assert float(found.header["without_jerk_limit_s"]) == without.moving
         columns = found.columns(
-            ["line", "kind", "length_mm", "seconds", "held_back_by", "share", "dwell_s", "without_jerk_limit_s"], words
+            [
+                "line",
+                "kind",
+                "length_mm",
+                "seconds",
+                "held_back_by",
+                "share",
+                "dwell_s",
+                "tool_changes",
+                "u_start",
+                "u_end",
+                "without_jerk_limit_s",
+            ],
+            words,
         )
     for name, values in (("line", times.line), ("seconds", times.seconds), ("held_back_by", times.binding)):
         assert columns[name].tolist() == values.tolist()
     assert columns["without_jerk_limit_s"].tolist() == without.seconds.tolist()
-    write_line_times(tmp_path / "lines.npz", times, "slots.ngc")
+    write_line_times(tmp_path / "lines.npz", times, "slots.ngc", "every limit holds")
     with np.load(tmp_path / "lines.npz") as arrays:
         assert arrays["line"].tolist() == times.line.tolist()
         assert arrays["seconds"].tolist() == times.seconds.tolist()

@@ -301,6 +301,9 @@ def test_every_window_is_checked(tmp_path, short_windows, monkeypatch):
     assert not plan.ok
     assert any("jerk" in text for text in plan.violations)
     assert plan.worst == pytest.approx(1.05, rel=1e-2)
+    assert "# verdict = BREAKS ITS LIMITS: " in plan.lines.read_text()
+    with np.load(plan.table) as table:
+        assert str(table["verdict"]).startswith("BREAKS ITS LIMITS: ")
     checked = []
     monkeypatch.setattr(window, "plan_feedrate", plan_feedrate)
     monkeypatch.setattr(window, "check", lambda *args: checked.append(args) or check(*args))

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from planner.cli.app import (
+    BROKEN,
     AsJson,
     CurveName,
     Machine,
@@ -81,7 +82,8 @@ def plan(
 ) -> None:
     """Plan the feed along a curve, and check the plan.
 
-    The plan and its samples are checked on their own, without a formula of the planner; one verdict is printed.
+    The plan and its samples are checked on their own, without a formula of the planner; one verdict is printed.  Where a
+    limit is broken no --program is written, and every other file says so.
     """
     with exits():
         require_outputs(output, plot, report)
@@ -115,26 +117,30 @@ def plan(
                 line("bounding the time from below")
                 with suppress(SolverError):  # the plan keeps its own, looser bound
                     profile = replace(profile, lower_bound=certify(path, limits, profile))
+            verdict = part.judge(profile, line, seconds=seconds)
+            kept = program if verdict.ok else None  # no machine gets a plan that breaks a limit
+            files = tuple(str(name) for name in (output, plot, report, kept, lines) if name is not None)
+            verdict = replace(verdict, files=files)
             if output is not None:
                 line(f"writing {output}")
-                write_table(output, profile, limits)
-            if program is not None:
-                line(f"writing {program}")
-                part.write(program, profile, "feed")
+                write_table(output, profile, limits, report=verdict.report)
+            if kept is not None:
+                line(f"writing {kept}")
+                part.write(kept, profile, "feed", report=verdict.report)
             if lines is not None:
                 line(f"writing {lines}")
-                write_line_times(lines, part.line_times(profile), curve)
-            files = tuple(str(name) for name in (output, plot, report, program, lines) if name is not None)
-            verdict = part.judge(profile, line, seconds=seconds, files=files)
+                write_line_times(lines, part.line_times(profile), curve, verdict.report.summary())
             if plot is not None:
                 from planner.plots import plot_plan, save_plot
 
                 line(f"drawing {plot}")
-                save_plot(plot, plot_plan(path, limits, profile, verdict.samples))
+                save_plot(plot, plot_plan(path, limits, profile, verdict.samples, verdict.report))
             if report is not None:
                 from planner.report import write_report
 
                 write_report(report, verdict, lines=part.line_times(profile) if part.program else None, progress=line)
+        if kept != program:
+            typer.echo(f"{program}: not written, since the plan breaks a limit", err=True)
         report_verdict(verdict, as_json)
 
 
@@ -179,6 +185,7 @@ def replay(
     """Sample a feedrate table once a period.
 
     This is what an interpolator does.  Printed is how far the samples are off the plan and what they use of its limits.
+    Exit code 1: they break a limit; a file of them says so.
     """
     with exits():
         require_outputs(output, None)
@@ -205,6 +212,8 @@ def replay(
         from planner.verdict import samples_text
 
         show(samples_text(profile, samples, report, apart, "" if output is None else str(output)))
+        if not report.ok:
+            raise typer.Exit(BROKEN)
 
 
 @app.command(epilog="\b\nExample:\n  feedplan curves")

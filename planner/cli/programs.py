@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
     from planner.check import Report
     from planner.limits import Limits
+    from planner.ngc import Mode
     from planner.profile import FeedrateProfile
     from planner.programs.times import LineTimes
 
@@ -77,7 +78,7 @@ def time(
             times, without = part.line_times(profile), part.line_times(plain)
             if output is not None:
                 line(f"writing {output}")
-                write_line_times(output, times, program, without_jerk=without)
+                write_line_times(output, times, program, report.summary(), without_jerk=without)
         if as_json:
             typer.echo(_times_json(part, program, times, without, report))
         else:
@@ -112,7 +113,8 @@ def ngc(
     """Write the plan of a curve or a part program as a LinuxCNC program.
 
     Short G1 blocks with a feed each.  Of the tolerance the path of a part program takes three quarters, the blocks and
-    their blending by the controller the rest.  Spindle, tools, coolant, dwells and stops keep their places.
+    their blending by the controller the rest.  Spindle, tools, coolant, dwells and stops keep their places.  Exit code 1:
+    the plan or its samples break a limit, and nothing is written.
     """
     with exits():
         require_writable(output)
@@ -128,8 +130,10 @@ def ngc(
         load_kernels()
         with ProgressLine() as line:
             profile = part.plan(line) if table is None else read_table(table, part.curve)
+            verdict = part.judge(profile, line)
             line(f"writing {output}")
-            written = part.write(output, profile, "inverse_time" if inverse_time else "feed", block_time=block_time_s)
+            mode: Mode = "inverse_time" if inverse_time else "feed"
+            written = part.write(output, profile, mode, block_time=block_time_s, report=verdict.report)
         deviation = written.deviation + (0.0 if part.path is None else part.path.deviation.largest)
         facts = {
             "curve": part.curve.name,

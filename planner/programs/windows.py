@@ -31,6 +31,7 @@ from pathlib import Path
 
 import numpy as np
 
+from planner.check.report import BREAKS, HOLDS
 from planner.errors import InputError
 from planner.geometry.inputs import positive_number
 from planner.limits import Limits
@@ -59,8 +60,8 @@ class ProgramPlan:
     table : Path
         NPZ with the nodes of all windows end to end: ``t`` and ``u`` (from the start of each window), ``u_rate``,
         ``u_acceleration``, ``feed`` and ``position``; ``first`` (w + 1,) tells which nodes a window has, ``t_start`` and
-        ``u_start`` (w,) what to add to its t and u; ``axes``.  The last node of a window and the first of the next are
-        the same state.
+        ``u_start`` (w,) what to add to its t and u; ``axes``; ``verdict``, what the check says.  The last node of a window
+        and the first of the next are the same state.
     lines : Path
         The time of every line, as :func:`~planner.programs.times.write_line_times` writes it.
     duration, dwell : float
@@ -176,9 +177,10 @@ def plan_program(
         journal.save_state(header, {} if window is None else window.state.arrays())
     if progress is not None:
         progress(f"writing {table}", None)
-    write_line_times(lines, _line_times(journal, done, program), program.source)
+    verdict = _verdict(done)
+    write_line_times(lines, _line_times(journal, done, program), program.source, verdict)
     starts = np.array(list(journal.column(done.windows, "start")))
-    arrays = {"format": np.array(_FORMAT), "axes": np.array(built.limits.axes)}
+    arrays = {"format": np.array(_FORMAT), "verdict": np.array(verdict), "axes": np.array(built.limits.axes)}
     arrays |= {"t_start": starts[:, 0], "u_start": starts[:, 1]}
     journal.join(table, done.windows, _COLUMNS, arrays)
     journal.remove()
@@ -240,6 +242,15 @@ def _line_times(journal: Journal, done: Done, program: Program) -> LineTimes:
     return combined(
         program, program.line[moving], edges, seconds[moving], (binding[moving], held[moving], done.limit_names)
     )
+
+
+def _verdict(done: Done) -> str:
+    """What the checks of the windows say, for the heads of files."""
+    if done.violations:
+        return f"{BREAKS}: {len(done.violations)} checks fail, the first is {done.violations[0]}"
+    if done.share > 1.0:
+        return f"{BREAKS}: the path leaves its tolerance by {done.share - 1.0:.3g} of it"
+    return HOLDS
 
 
 def _outcome(done: Done, program: Program, table: Path, lines: Path, resumed: int) -> ProgramPlan:
