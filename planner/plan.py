@@ -146,8 +146,6 @@ def _validate(
     if periodic:
         if method not in {"optimal", "nlp"}:
             raise InputError(f"periodic = True is planned by the methods optimal and nlp, not by {method!r}")
-        if not (np.isfinite(limits.jerk).any() or np.isfinite(limits.tangential_jerk)):
-            raise InputError("periodic = True needs a jerk limit; without one toppra plans from rest to rest")
         _require_closed(curve, start_feed, end_feed)
     for name, feed, u in (("start_feed", start_feed, curve.domain[0]), ("end_feed", end_feed, curve.domain[1])):
         if not (np.isfinite(feed) and feed >= 0.0):
@@ -213,10 +211,12 @@ def _plan_section(
         feeds = (section.start_feed or 0.0, section.end_feed or 0.0)
         nodes = TimeNodes(*plan_section(section.curve, limits, section.u_start, section.u_end, *feeds))
         return SectionPlan(nodes, np.nan, {"status": "feasible", "intervals": nodes.t.size - 1})
-    if method == "toppra" or not (np.isfinite(limits.jerk).any() or np.isfinite(limits.tangential_jerk)):
-        from planner.solvers.topp import plan_section as plan_without_jerk
+    if method != "toppra" and not _has_jerk_limit(limits):
+        return _plan_without_jerk(section, limits, effort)
+    if method == "toppra":
+        from planner.solvers.topp import plan_section as plan_by_toppra
 
-        nodes, bound, stats = plan_without_jerk(section, limits, effort.intervals)
+        nodes, bound, stats = plan_by_toppra(section, limits, effort.intervals)
         if not section.has_prescribed_feed:
             used = utilisation(section.curve, limits, nodes)
             slowdown = max(float(used.speed.max()), float(np.sqrt(used.acceleration.max())))
@@ -231,6 +231,21 @@ def _plan_section(
         effort=effort,
         progress=progress,
     )
+
+
+def _plan_without_jerk(section: Section, limits: Limits, effort: Effort) -> SectionPlan:
+    """Plan one section without any jerk limit; what its law still exceeds of the others slows it down."""
+    from planner.solvers.accelerations import plan_section
+
+    nodes, unmet, stats = plan_section(section, limits, effort.intervals, free=effort.free)
+    bound = float(nodes.t[-1])
+    if not section.has_prescribed_feed:
+        nodes = nodes.dilated(unmet * (1.0 + PEAK_MARGIN) if unmet > 1.0 else 1.0)
+    return SectionPlan(nodes, bound, stats)
+
+
+def _has_jerk_limit(limits: Limits) -> bool:
+    return bool(np.isfinite(limits.jerk).any() or np.isfinite(limits.tangential_jerk))
 
 
 def _chain(parts: list[TimeNodes]) -> TimeNodes:
@@ -258,8 +273,8 @@ def _collect(sections: list[Section], plans: list[SectionPlan], limits: Limits, 
         ]
     for plan in plans:
         notes += plan.stats.get("notes", [])
-    if not (np.isfinite(limits.jerk).any() or np.isfinite(limits.tangential_jerk)):
-        notes.append("no jerk limit is set: planned without one, by toppra")
+    if not _has_jerk_limit(limits):
+        notes.append("no jerk limit is set: planned without one, the acceleration may step")
     every = [plan.stats for plan in plans]
     status = next((s["status"] for s in every if s["status"] not in {"optimal", "feasible"}), every[0]["status"])
     stats: dict[str, Any] = {"status": status, "period": limits.period, "notes": notes, "sections": len(sections)}
