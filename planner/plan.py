@@ -237,7 +237,7 @@ def _plan_without_jerk(section: Section, limits: Limits, effort: Effort) -> Sect
     """Plan one section without any jerk limit; what its law still exceeds of the others slows it down."""
     from planner.solvers.accelerations import plan_section
 
-    nodes, unmet, stats = plan_section(section, limits, effort.intervals, free=effort.free)
+    nodes, unmet, stats = plan_section(section, limits, effort.intervals)
     bound = float(nodes.t[-1])
     if not section.has_prescribed_feed:
         nodes = nodes.dilated(unmet * (1.0 + PEAK_MARGIN) if unmet > 1.0 else 1.0)
