@@ -76,14 +76,14 @@ def _extreme(rows, cap, offset, k, lean, x, sign, floor, ceiling):
     return x
 
 
-@njit(NOTHING(READ4, READ2, READ2, WRITE1, F64, WRITE2), cache=True, error_model="numpy")
-def controllable(rows, cap, offset, lean, end, out):
-    """Write the least and the largest x (2, n + 1) from which the end can be reached; the end is left at x = ``end``.
+@njit(NOTHING(READ4, READ2, READ2, WRITE1, F64, F64, WRITE2), cache=True, error_model="numpy")
+def controllable(rows, cap, offset, lean, slowest, fastest, out):
+    """Write the least and the largest x (2, n + 1) from which an x within ``slowest`` and ``fastest`` can end the section.
 
     nan where there is none.  Where a lean (n,) would forbid rest it is set to 0.
     """
     n, last = offset.shape[0], offset.shape[1] - 1
-    out[0, n] = out[1, n] = end
+    out[0, n], out[1, n] = slowest, fastest
     for k in range(n - 1, -1, -1):
         floor, ceiling = out[0, k + 1], min(out[1, k + 1], cap[k, last])
         top = cap[k, 0]

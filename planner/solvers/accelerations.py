@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from planner.constraints import acceleration_rows, path_at, speed_limits
 from planner.errors import InfeasibleError
 from planner.geometry.curve import FloatArray
-from planner.grid import place_knots, scan, with_blends
+from planner.grid import Grid, Scan, place_knots, scan, with_blends
 from planner.law import TimeNodes, Utilisation, utilisation
 from planner.limits import Limits
 from planner.sections import Section
@@ -35,13 +35,16 @@ _PARTS = 4  # of an interval, at whose ends the limits are asked for
 _FASTEST = 1e4  # times the mean speed of the guess; stands for no bound
 _MAX_ROUNDS, _MAX_LAPS = 40, 60
 # An interval that exceeds its limits by more is halved, by less it is tightened; what is left slows the section down.
-_TOO_COARSE, _MET = 1.001, 1.0 + 2e-6
+_TOO_COARSE, _MET, _MET_PRESCRIBED = 1.001, 1.0 + 2e-6, 1.0 + 2e-8
+_STEP_SHARE = 1e-5  # of the time, for a start or a stop at once
 # Tightened by this many times the excess: the peaks between the points measured are a little higher.
 _MARGIN_GAIN = 1.05
 # The grid is halved until that saves less than this share of the time, so many times and up to so many intervals.
 _WORTH_HALVING, _MAX_HALVINGS, _MOST_INTERVALS = 5e-5, 4, 200_000
 _MAX_LEANS, _WORTH_LEANING, _GAUSS_POINTS = 6, 1e-6, 8
 _ATTAINABLE = 1e-12
+# Digits of place and time may make this share of an acceleration limit at nodes close to one another.
+_ROUNDING_SHARE = 1e-6
 _PERCENT = 0.01
 
 
@@ -134,7 +137,7 @@ class _Stage:
         from planner.solvers.acceleration_kernels import controllable, fastest
 
         reach, x = np.empty((2, self.y.size)), np.empty(self.y.size)
-        controllable(rows, cap, self.offset, self.lean, end, reach)
+        controllable(rows, cap, self.offset, self.lean, end, end, reach)
         least, largest = reach[:, 0]
         if not least * (1.0 - _ATTAINABLE) <= start <= largest * (1.0 + _ATTAINABLE):
             return np.empty(0)
@@ -148,16 +151,14 @@ class _Stage:
         reach, x = np.empty((2, self.y.size)), np.empty(self.y.size)
         seam = float(min(cap[0, 0], cap[-1, -1]))
         for _ in range(_MAX_LAPS):
-            controllable(rows, cap, self.offset, self.lean, seam, reach)
-            lap = seam
-            if np.isfinite(reach[1, 0]):
-                lap = min(seam, float(reach[1, 0]))
-                fastest(rows, cap, self.offset, self.lean, np.stack([np.zeros(self.y.size), reach[1]]), lap, x)
-                lap = min(lap, float(x[-1]))
-            if lap >= seam * (1.0 - 1e-14):
+            controllable(rows, cap, self.offset, self.lean, 0.0, seam, reach)
+            lap = min(seam, float(reach[1, 0]))
+            fastest(rows, cap, self.offset, self.lean, reach, lap, x)
+            lap = min(lap, float(x[-1]))
+            if lap >= seam * (1.0 - _ATTAINABLE):
                 break
             seam = lap
-        return self._passes(rows, cap, seam, seam)
+        return self._passes(rows, cap, lap, lap)
 
     def time(self, x: FloatArray) -> FloatArray:
         """Time of each interval: in closed form for a linear x, and by Gauss what the lean changes."""
@@ -170,6 +171,13 @@ class _Stage:
         bent = linear + 2.0 * (self.lean[k] * h[k])[:, None] * (w * (1.0 - w))
         time[k] += 0.5 * h[k] * ((bent**-0.5 - linear**-0.5) @ weights)
         return time
+
+    def stepping(self, x: FloatArray) -> NDArray[np.bool_]:
+        """Intervals in which an unlimited acceleration takes x from rest to its cap, or back, too slowly."""
+        cap = self.speeds.min(axis=0) / self.margin[0][:, None] ** 2
+        steps = ((x[:-1] == 0.0) & (x[1:] > 0.99 * cap[:, -1])) | ((x[1:] == 0.0) & (x[:-1] > 0.99 * cap[:, 0]))
+        time = self.time(x)
+        return np.asarray(steps & (time > _STEP_SHARE * time.sum()))
 
     def nodes(self, x: FloatArray) -> TimeNodes:
         """Nodes of the law: two at each inner knot, where the acceleration jumps."""
@@ -224,14 +232,15 @@ def plan_section(section: Section, limits: Limits, intervals: int) -> tuple[Time
     grid = place_knots(blended, guess, intervals)
     plain = replace(section, blend_start=0.0, blend_end=0.0)
     y, u = blended.position(grid.sigma) - plain.y_start, grid.u
-    single = np.append((np.diff(y) > 0.0) & (np.diff(u) > 0.0), True)
+    single = _apart(guess, grid, y)
     y, u = y[single], u[single]
     mean = float(y[-1]) / guess.duration
-    best = _refined(plain, limits, y, u, mean)
+    closest = _closest(guess)
+    best = _refined(plain, limits, y, u, mean, closest)
     halvings = 0
     while halvings < _MAX_HALVINGS and 2 * (best[0].y.size - 1) <= _MOST_INTERVALS:
         stage = best[0]
-        finer = _refined(plain, limits, *_halved(plain, stage, np.ones(stage.y.size - 1, dtype=bool)), mean)
+        finer = _refined(plain, limits, *_halved(plain, stage, np.ones(stage.y.size - 1, dtype=bool)), mean, closest)
         gain = 1.0 - _duration(finer) / _duration(best)
         if gain > 0.0:
             best = finer
@@ -252,7 +261,43 @@ def _duration(found: _Found) -> float:
     return float(stage.time(x).sum()) * unmet
 
 
-def _refined(section: Section, limits: Limits, y: FloatArray, u: FloatArray, mean: float) -> _Found:
+def _closest(guess: Scan) -> tuple[FloatArray, FloatArray]:
+    """Times between nodes from which on they tell an acceleration, at the coordinates of a scan.
+
+    A digit e = eps (|u| |dq/du| + v t + L) in the place of a node, its time and the arc length, h between nodes, is 12 e / h^2 of it.
+    """
+    digit = np.finfo(float).eps * (np.abs(guess.u) * guess.speed + guess.feed * guess.time + guess.length[-1])
+    return guess.y, np.sqrt(12.0 * digit / (_ROUNDING_SHARE * guess.acceleration))
+
+
+def _apart(guess: Scan, grid: Grid, y: FloatArray) -> NDArray[np.bool_]:
+    """Which knots to keep: one of each double one, and none between breaks that rounding hardly tells from another."""
+    keep = np.append((np.diff(y) > 0.0) & (np.diff(grid.u) > 0.0), True)
+    at = guess.y[0] + y
+    time, least = np.interp(at, guess.y, guess.time), np.interp(at, *_closest(guess))
+    if not (np.diff(time[keep]) < least[keep][1:]).any():
+        return keep
+    on_break = np.isin(grid.u, grid.u[grid.left])
+    on_break[0] = True
+    following = np.searchsorted(np.flatnonzero(on_break), np.arange(y.size), side="right")
+    next_break = np.append(time[on_break], np.inf)[following]
+    last = time[0]
+    break_before = time[on_break][following - 1]
+    for k in np.flatnonzero(keep & ~on_break):
+        last = max(last, break_before[k])
+        keep[k] = min(time[k] - last, next_break[k] - time[k]) >= least[k]
+        last = time[k] if keep[k] else last
+    return keep
+
+
+def _refined(
+    section: Section,
+    limits: Limits,
+    y: FloatArray,
+    u: FloatArray,
+    mean: float,
+    closest: tuple[FloatArray, FloatArray],
+) -> _Found:
     """Solve, and halve intervals and tighten limits until the law keeps them between the knots too."""
     stage = _Stage.on(section, limits, y, u, mean)
     best: _Found | None = None
@@ -265,12 +310,14 @@ def _refined(section: Section, limits: Limits, y: FloatArray, u: FloatArray, mea
         used = utilisation(section.curve, limits, stage.nodes(x))
         slowdown = np.maximum(used.speed, np.sqrt(used.acceleration))[::2]
         unmet = max(1.0, float(slowdown.max()))
+        stepping = stage.stepping(x)
         found = (stage, x, unmet, round_)
         if best is None or _duration(found) < _duration(best):
             best = found
-        if unmet <= _MET:
+        if unmet <= (_MET_PRESCRIBED if section.has_prescribed_feed else _MET) and not stepping.any():
             break
-        coarse = slowdown > _TOO_COARSE
+        coarse = (slowdown > _TOO_COARSE) | stepping
+        coarse &= stage.time(x) > 2.0 * np.interp(stage.y[1:] + section.y_start, *closest)
         if coarse.any():
             y, u = _halved(section, stage, coarse)
             if y.size > stage.y.size:
