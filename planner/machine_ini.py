@@ -5,8 +5,8 @@ What is taken (LinuxCNC, Getting Started, chapter "INI Configuration"):
 ===========================================  ==================================================================
 [TRAJ] COORDINATES                           the axes; a letter twice is one axis moved by two joints
 [TRAJ] LINEAR_UNITS, ANGULAR_UNITS           mm or inch; degree, radian or grad
-[TRAJ] MAX_LINEAR_VELOCITY, -ACCELERATION,   feed, tangential acceleration and jerk (before version 2.8 the names
--JERK                                        had no LINEAR); absent: no limit
+[TRAJ] MAX_LINEAR_VELOCITY, -ACCELERATION,   feed of all moves, rapids too, tangential acceleration and jerk (before
+-JERK                                        version 2.8 the names had no LINEAR); absent: no limit
 [AXIS_X] and [JOINT_n] MAX_VELOCITY,         limits of an axis: the lowest of its own and those of its joints.  Without
 MAX_ACCELERATION, MAX_JERK                   MAX_JERK, which LinuxCNC knows from 2.10 on, the jerk has no limit
 [EMCMOT] SERVO_PERIOD                        period, in ns
@@ -73,6 +73,7 @@ def machine_table(text: str, where: str) -> dict[str, Any]:
         key = next((key for key in keys if key in trajectory), None)
         if key is not None:
             table[name] = linear * _positive(trajectory[key], f"[TRAJ]{key}", where)
+    table["rapid_mm_s"] = table["feed_mm_s"]
     period = sections.get("EMCMOT", {}).get("SERVO_PERIOD")
     if period is not None:
         table["period_s"] = 1e-9 * _positive(period, "[EMCMOT]SERVO_PERIOD", where)

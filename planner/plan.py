@@ -13,12 +13,12 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from planner.errors import InfeasibleError, InputError
+from planner.errors import InfeasibleError, InputError, SolverError
 from planner.geometry.curve import Curve, FloatArray, arc_derivatives
 from planner.law import TimeNodes, utilisation
 from planner.limits import Limits, feedrate_limits
 from planner.profile import FeedrateProfile, make_profile
-from planner.refine import MIN_INTERVALS, PEAK_MARGIN, Effort, Progress, SectionPlan
+from planner.refine import ALMOST_MET, MIN_INTERVALS, PEAK_MARGIN, Effort, Progress, SectionPlan, not_met
 from planner.refine import plan_section as plan_and_refine
 from planner.sections import Section, cut
 
@@ -211,7 +211,7 @@ def _plan_section(
         feeds = (section.start_feed or 0.0, section.end_feed or 0.0)
         nodes = TimeNodes(*plan_section(section.curve, limits, section.u_start, section.u_end, *feeds))
         return SectionPlan(nodes, np.nan, {"status": "feasible", "intervals": nodes.t.size - 1})
-    if method != "toppra" and not _has_jerk_limit(limits):
+    if method != "toppra" and not limits.has_jerk:
         return _plan_without_jerk(section, limits, effort)
     if method == "toppra":
         from planner.solvers.topp import plan_section as plan_by_toppra
@@ -241,11 +241,9 @@ def _plan_without_jerk(section: Section, limits: Limits, effort: Effort) -> Sect
     bound = float(nodes.t[-1])
     if not section.has_prescribed_feed:
         nodes = nodes.dilated(unmet * (1.0 + PEAK_MARGIN) if unmet > 1.0 else 1.0)
+    elif unmet > ALMOST_MET:
+        raise SolverError(not_met(section, unmet))
     return SectionPlan(nodes, bound, stats)
-
-
-def _has_jerk_limit(limits: Limits) -> bool:
-    return bool(np.isfinite(limits.jerk).any() or np.isfinite(limits.tangential_jerk))
 
 
 def _chain(parts: list[TimeNodes]) -> TimeNodes:
@@ -273,7 +271,7 @@ def _collect(sections: list[Section], plans: list[SectionPlan], limits: Limits, 
         ]
     for plan in plans:
         notes += plan.stats.get("notes", [])
-    if not _has_jerk_limit(limits):
+    if not limits.has_jerk:
         notes.append("no jerk limit is set: planned without one, the acceleration may step")
     every = [plan.stats for plan in plans]
     status = next((s["status"] for s in every if s["status"] not in {"optimal", "feasible"}), every[0]["status"])

@@ -21,7 +21,7 @@ from matplotlib.figure import Figure
 from planner.check import Report, check
 from planner.errors import InputError
 from planner.geometry.curve import Curve, FloatArray
-from planner.limits import Limits, feedrate_limits
+from planner.limits import Limits, feedrate_limits, largest_command
 from planner.output import whole_file
 from planner.profile import FeedrateProfile, ProfileStates, Samples
 
@@ -266,7 +266,8 @@ def _draw_feed(axes: Axes, curve: Curve, limits: Limits, motion: _Motion) -> Non
         "chord error": found.chord_error,
         "acceleration at steady feed": found.normal_acceleration,
     }
-    top = 1.12 * min(float(np.max(feed)) * 1.25, limits.feed) if np.isfinite(limits.feed) else 1.4 * float(feed.max())
+    command = largest_command(curve, limits)
+    top = 1.12 * min(float(np.max(feed)) * 1.25, command) if np.isfinite(command) else 1.4 * float(feed.max())
     top = max(top, 1.05 * float(feed.max()))
     for (name, values), colour in zip(parts.items(), _COLOURS[1:4], strict=True):
         if float(values.min()) < top:

@@ -41,6 +41,7 @@ _SCALAR_LIMITS = {
     "period": "s",
     "tangential_acceleration": "mm_s2",
     "tangential_jerk": "mm_s3",
+    "rapid": "mm_s",
 }
 _AXIS_LIMITS = {"velocity": "s", "acceleration": "s2", "jerk": "s3"}
 _KEYS = (
@@ -250,6 +251,7 @@ def _limit_lines(axes: Sequence[str], limits: Limits) -> dict[str, str]:
         key: repr(float(value))
         for name, keys in _limit_keys(axes).items()
         for key, value in zip(keys, np.atleast_1d(getattr(limits, name)), strict=True)
+        if name != "rapid" or np.isfinite(value)
     }
 
 
@@ -257,6 +259,8 @@ def _limits_of(file: ColumnFile) -> Limits:
     axes = file.header["axes"].split()
     values: dict[str, Any] = {}
     for name, keys in _limit_keys(axes).items():
+        if name == "rapid" and keys[0] not in file.header:
+            continue  # without a limit of their own
         row = [_number(file, key) for key in keys]
         values[name] = row[0] if name in _SCALAR_LIMITS else row
     try:

@@ -114,6 +114,7 @@ def to_json(verdict: Verdict) -> str:
         "curve": _curve_facts(profile.curve),
         "machine": verdict.machine,
         "feed_mm_s": limits.feed,
+        "rapid_mm_s": limits.rapid,
         "period_s": verdict.samples.period,
         "method": profile.method,
         "duration_s": profile.duration,
@@ -236,6 +237,8 @@ def _facts(verdict: Verdict) -> RenderableType:
 
     profile, limits, curve = verdict.profile, verdict.limits, verdict.profile.curve
     feed = f"feed {quantity(limits.feed, 'mm/s')}" if math.isfinite(limits.feed) else "no feed limit"
+    if math.isfinite(limits.rapid) and curve.feed_caps is not None:
+        feed += f", rapids {quantity(limits.rapid, 'mm/s')}"
     time = f"{profile.duration:.6g} s"
     lines = [
         named("curve", f"{curve.name}, {curve.length:.6g} mm, axes {' '.join(curve.axes)}"),

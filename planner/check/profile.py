@@ -8,7 +8,7 @@ from planner.check.chords import profile_chord
 from planner.check.columns import Nodes
 from planner.check.motion import Motion, TimeLaw
 from planner.check.report import Report, Rows
-from planner.check.scan import programmed_feed, scan_spans, worst_of
+from planner.check.scan import feed_under, machine_caps, scan_spans, worst_of
 from planner.check.sizes import ON_KNOT, VELOCITY_STEP, extent, position_rounding
 from planner.check.steps import check_corners, check_steps
 from planner.errors import InputError
@@ -31,12 +31,14 @@ def check_profile(curve: Curve, limits: Limits, profile: FeedrateProfile, densit
     for name, j, worst, slack, place in worst_of(motion, scan, density):
         if j >= 0:
             rows.add(name, worst, getattr(limits, name)[j], place, slack=slack, j=j)
+        elif name == "feed" and curve.feed_caps is not None:
+            rows.add(name, *feed_under(motion, machine_caps(curve.feed_caps, limits), density), slack=slack)
         elif name == "reversal":
             rows.add(name, worst, 0.0, place, slack=slack + turning_back)
         else:
             rows.add(name, worst, getattr(limits, name.replace(" ", "_")), place, slack=slack)
     if curve.feed_caps is not None:
-        rows.add("programmed feed", *programmed_feed(motion, density))
+        rows.add("programmed feed", *feed_under(motion, curve.feed_caps, density))
     worst, place = profile_chord(motion, limits.period)
     rounding = position_rounding(curve, np.clip(profile.u, *curve.domain))
     rows.add("chord error", worst, limits.chord_error, place, slack=rounding)

@@ -178,9 +178,10 @@ class Planner:
         """Curve and limits of a run.
 
         Where one cap is the lowest everywhere, it is the feed of the limits, and neither planned nor checked twice.
+        Rapids, of which the cap is inf, have a limit of their own.
         """
         feed = min(self.limits.feed, float(run.feed.max()))
-        curve = run.curve if run.feed.min() >= feed else run.with_caps()
+        curve = run.curve if feed <= run.feed.min() < np.inf else run.with_caps()
         return curve, self.limits.for_curve(curve).with_feed(feed)
 
     def filled(self, state: State) -> State:
@@ -221,7 +222,8 @@ class Planner:
     def ahead(self, run: Run) -> float:
         """Length ahead of what is kept of a window, mm: several times stopping and getting up to speed again."""
         limits = self.path.limits
-        feed = min(limits.feed, float(run.feed.max()), float(np.sqrt(np.sum(limits.velocity**2))))
+        commanded = np.where(np.isinf(run.feed), limits.rapid, np.minimum(run.feed, limits.feed))
+        feed = min(float(commanded.max()), float(np.sqrt(np.sum(limits.velocity**2))))
         acceleration, jerk = float(limits.acceleration.min()), float(limits.jerk.min())
         acceleration = min(acceleration, float(np.sqrt(feed * jerk)))
         return _SEVERAL * 2.0 * 0.5 * feed * (feed / acceleration + acceleration / jerk)

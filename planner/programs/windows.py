@@ -207,7 +207,7 @@ def _path_source(program: Program, limits: Limits, tolerance: float | None) -> P
         raise InputError(
             "a program is planned in windows only where velocity, acceleration and jerk of every axis that moves are finite"
         )
-    return PathSource(program, moves, tolerance, Limits(limits.feed, **rows, axes=axes))
+    return PathSource(program, moves, tolerance, Limits(limits.feed, **rows, axes=axes, rapid=limits.rapid))
 
 
 def _identity(path: PathSource, limits: Limits) -> str:

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.constraints import acceleration_rows, path_at, speed_limits
-from planner.errors import InfeasibleError
+from planner.errors import InfeasibleError, SolverError
 from planner.geometry.curve import FloatArray
 from planner.grid import Grid, Scan, place_knots, scan, with_blends
 from planner.law import TimeNodes, Utilisation, utilisation
@@ -264,7 +264,8 @@ def _duration(found: _Found) -> float:
 def _closest(guess: Scan) -> tuple[FloatArray, FloatArray]:
     """Times between nodes from which on they tell an acceleration, at the coordinates of a scan.
 
-    A digit e = eps (|u| |dq/du| + v t + L) in the place of a node, its time and the arc length, h between nodes, is 12 e / h^2 of it.
+    A digit e = eps (|u| |dq/du| + v t + L) in the place of a node, its time and the arc length, h between nodes, is
+    12 e / h^2 of it.
     """
     digit = np.finfo(float).eps * (np.abs(guess.u) * guess.speed + guess.feed * guess.time + guess.length[-1])
     return guess.y, np.sqrt(12.0 * digit / (_ROUNDING_SHARE * guess.acceleration))
@@ -324,6 +325,8 @@ def _refined(
                 stage = _Stage.on(section, limits, y, u, mean)
                 continue
         stage = stage.tightened(used)
+    if best is None:
+        raise SolverError("no round of refinement was run")
     return best
 
 
