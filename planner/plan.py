@@ -51,13 +51,13 @@ def plan_feedrate(
         One value for each axis of the curve.
     method : {"optimal", "nlp", "toppra", "scurve"}
         ``optimal``: the jerk-limited optimum by our interior-point method.  ``nlp``: the same problem by CasADi and
-        IPOPT, the reference.  ``toppra``: without a jerk limit, a lower bound.  ``scurve``: jerk-limited S-curves
+        IPOPT, the reference.  ``toppra``: without a jerk limit, to compare with.  ``scurve``: jerk-limited S-curves
         between the feed minima, what industry does today.
     start_feed, end_feed : float
         Tip feed at the ends, mm/s; 0 is rest.
     start_acceleration : float, optional
         Tangential acceleration of the tip at a start with a feed, mm/s^2, where a plan continues another one; free if left
-        out (methods ``optimal`` and ``nlp``).
+        out (methods ``optimal`` and ``nlp``), and without any jerk limit, under which it may step.
     periodic : bool
         The closed curve is run continuously: same feed and acceleration at both ends, free value.
     budget : float
@@ -221,6 +221,10 @@ def _plan_section(
             used = utilisation(section.curve, limits, nodes)
             slowdown = max(float(used.speed.max()), float(np.sqrt(used.acceleration.max())))
             nodes = nodes.dilated(max(1.0, slowdown * (1.0 + PEAK_MARGIN)))
+            stats["slowdown"] = max(1.0, slowdown)
+            stats["notes"] = [
+                f"slowed down by {100.0 * (slowdown - 1.0):.2g} % for what toppra exceeds between its points"
+            ]
         return SectionPlan(nodes, bound, stats)
     return plan_and_refine(
         section,

@@ -43,6 +43,7 @@ _MARGIN_GAIN = 1.05
 _WORTH_HALVING, _MAX_HALVINGS, _MOST_INTERVALS = 5e-5, 4, 200_000
 _MAX_LEANS, _WORTH_LEANING, _GAUSS_POINTS = 6, 1e-6, 8
 _ATTAINABLE = 1e-12
+_SEAM = 1e-10  # of x: a closed path may end by so much below its start
 # Digits of place and time may make this share of an acceleration limit at nodes close to one another.
 _ROUNDING_SHARE = 1e-6
 _PERCENT = 0.01
@@ -133,11 +134,11 @@ class _Stage:
             return self._lap(rows, cap)
         return self._passes(rows, cap, *self.ends)
 
-    def _passes(self, rows: FloatArray, cap: FloatArray, start: float, end: float) -> FloatArray:
+    def _passes(self, rows: FloatArray, cap: FloatArray, start: float, end: float, below: float = 0.0) -> FloatArray:
         from planner.solvers.acceleration_kernels import controllable, fastest
 
         reach, x = np.empty((2, self.y.size)), np.empty(self.y.size)
-        controllable(rows, cap, self.offset, self.lean, end, end, reach)
+        controllable(rows, cap, self.offset, self.lean, end * (1.0 - below), end, reach)
         least, largest = reach[:, 0]
         if not least * (1.0 - _ATTAINABLE) <= start <= largest * (1.0 + _ATTAINABLE):
             return np.empty(0)
@@ -158,7 +159,7 @@ class _Stage:
             if lap >= seam * (1.0 - _ATTAINABLE):
                 break
             seam = lap
-        return self._passes(rows, cap, lap, lap)
+        return self._passes(rows, cap, lap, lap, _SEAM)
 
     def time(self, x: FloatArray) -> FloatArray:
         """Time of each interval: in closed form for a linear x, and by Gauss what the lean changes."""
