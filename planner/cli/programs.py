@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from planner.check import Report
-    from planner.limits import Limits
     from planner.ngc import Mode
     from planner.profile import FeedrateProfile
     from planner.programs.times import LineTimes
