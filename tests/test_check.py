@@ -1059,6 +1059,7 @@ def test_the_check_knows_nothing_of_the_planner():
     assert {name for name in imported if not name.startswith("planner.check.")} == {
         "planner.errors.InputError",
         "planner.geometry.curve.Curve",
+        "planner.geometry.curve.FeedCaps",
         "planner.geometry.curve.FloatArray",
         *(f"planner.geometry.kernels.{name}" for name in ("FLAG", "I64", "NOTHING", "find_piece")),
         *(f"planner.geometry.kernels.{access}{n}" for access in ("READ", "WRITE") for n in (1, 2, 3)),

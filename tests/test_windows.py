@@ -343,7 +343,8 @@ def test_exact_stops_rapids_and_caps_as_in_the_whole(tmp_path, short_windows):
     assert 0.995 * whole < plan.duration < 1.001 * whole
     with np.load(plan.table) as table:
         capped = table["feed"].max()
-    assert 80.0 * (1.0 + 1e-6) < capped <= 100.0
+    # the rapids, down to the right by 13 and 10 mm, are too short for the velocity of X
+    assert 100.0 < capped < 250.0 * np.hypot(13.0, 10.0) / 13.0
 
 
 def test_caps_of_a_window_are_those_of_its_blocks(tmp_path, short_windows, monkeypatch):
