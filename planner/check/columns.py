@@ -116,7 +116,8 @@ class Nodes:
         caps = np.full(none.size, limits.feed)
         if curve.feed_caps is not None:
             u = np.clip(profile.u, *curve.domain)
-            caps = np.minimum(caps, curve.feed_caps.at(u, np.asarray(self.left, dtype=np.bool_)))
+            own = curve.feed_caps.at(u, np.asarray(self.left, dtype=np.bool_))
+            caps = np.where(np.isinf(own), limits.rapid, np.minimum(caps, own))
         found = {"none": (none + BINDING_SHARE, none), "feed": (size[0] / caps, none)}
         found["chord error"] = (_chord_share(_bend(self.tip), size[0] * limits.period, limits.chord_error), none)
         rates = _slowed(profile) ** np.arange(4)[:, None]
