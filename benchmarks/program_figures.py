@@ -22,7 +22,6 @@ from planner.geometry.curve import FloatArray
 from planner.geometry.nurbs import NurbsCurve
 from planner.plots import save_plot
 from planner.programs.deviation import deviation
-from planner.programs.lookahead import plan_without_jerk
 from planner.programs.path import Blocks, ProgramPath, program_path
 from planner.programs.program import Program
 from planner.programs.times import times_at
@@ -96,7 +95,7 @@ def time_figure() -> Figure:
         path = program_path(program, float(tolerance), LIMITS)
         limits = LIMITS.for_curve(path.curve)
         times.append(plan(path.curve, path.intervals).duration)
-        without.append(plan_without_jerk(path.curve, limits, path.intervals).duration)
+        without.append(plan_feedrate(path.curve, limits.without_jerk(), intervals=path.intervals).duration)
     corners = len(program) - 1
     fine = np.concatenate([[0.0], np.geomspace(1e-5, tolerances[-1], 200)])
     # A corner of size A is two overlapping moves of constant jerk: while jerk binds it saves 2 (6 A / J)^(1/3).

@@ -27,7 +27,6 @@ from rich.table import Table
 from benchmarks.linuxcnc.interpreter import interpret, is_installed
 from benchmarks.linuxcnc.machine import run_program
 from planner import FeedrateProfile, Limits, Program, __version__, check, plan_feedrate, read_program
-from planner.programs.lookahead import plan_without_jerk
 from planner.programs.path import ProgramPath, program_path
 from planner.programs.times import line_times
 from planner.programs.written import write_program
@@ -64,7 +63,7 @@ def measure(name: str, tolerance: float) -> dict[str, Any]:
     made = process_time()
     profile = plan_feedrate(path.curve, limits, intervals=path.intervals)
     done = process_time()
-    without = plan_without_jerk(path.curve, limits, path.intervals)
+    without = plan_feedrate(path.curve, limits.without_jerk(), intervals=path.intervals)
     bar = BARS.get((name, tolerance))
     return {
         "program": name,

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from planner.bounds import certify
     from planner.check import Report, Row, check
     from planner.errors import (
+        BrokenLimitError,
         CurveError,
         FeedrateError,
         InfeasibleError,
@@ -31,7 +32,8 @@ if TYPE_CHECKING:
     )
     from planner.geometry.catalog import CATALOG, load_curve
     from planner.geometry.curve import Break, Curve
-    from planner.geometry.drawing import FittedCurve, read_dxf, read_points
+    from planner.geometry.drawing import read_dxf
+    from planner.geometry.points import FittedCurve, read_points
     from planner.limits import FeedrateLimits, Limits, feedrate_limits, load_limits
     from planner.ngc import WrittenProgram, write_ngc
     from planner.plan import plan_feedrate
@@ -48,6 +50,7 @@ if TYPE_CHECKING:
 __all__ = [
     "CATALOG",
     "Break",
+    "BrokenLimitError",
     "Curve",
     "CurveError",
     "FeedrateError",
@@ -93,10 +96,19 @@ __version__ = "0.1.0"
 _HOME = {
     "bounds": ("certify",),
     "check": ("Report", "Row", "check"),
-    "errors": ("CurveError", "FeedrateError", "InfeasibleError", "InputError", "SolverError", "StalledError"),
+    "errors": (
+        "BrokenLimitError",
+        "CurveError",
+        "FeedrateError",
+        "InfeasibleError",
+        "InputError",
+        "SolverError",
+        "StalledError",
+    ),
     "geometry.catalog": ("CATALOG", "load_curve"),
     "geometry.curve": ("Break", "Curve"),
-    "geometry.drawing": ("FittedCurve", "read_dxf", "read_points"),
+    "geometry.drawing": ("read_dxf",),
+    "geometry.points": ("FittedCurve", "read_points"),
     "limits": ("FeedrateLimits", "Limits", "feedrate_limits", "load_limits"),
     "ngc": ("WrittenProgram", "write_ngc"),
     "plan": ("plan_feedrate",),

@@ -19,6 +19,10 @@ class InfeasibleError(FeedrateError):
     """No feedrate profile satisfies the limits (for example an entry feed above a limit)."""
 
 
+class BrokenLimitError(FeedrateError):
+    """A plan breaks a limit, and what was asked for must not be made of such a plan."""
+
+
 class SolverError(FeedrateError):
     """A solver gave up; the message says at which residual and why."""
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 EXAMPLE_MACHINES = ("mill", "five-axis")
 _MAX_AXES = 6
-_SCALARS = ("feed", "chord_error", "period", "tangential_acceleration", "tangential_jerk")
+_SCALARS = ("feed", "chord_error", "period", "tangential_acceleration", "tangential_jerk", "rapid")
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +44,8 @@ class Limits:
         Limits on the second and third time derivative of the arc length, mm/s^2 and mm/s^3.
     axes : sequence of str, optional
         Names; X, Y, Z, U, V, W if left out.
+    rapid : float
+        Feedrate of the tool tip in the rapids of a part program, mm/s; inf where the axes alone limit them.
 
     Raises
     ------
@@ -60,6 +62,7 @@ class Limits:
     tangential_acceleration: float = np.inf
     tangential_jerk: float = np.inf
     axes: tuple[str, ...] = field(default=())
+    rapid: float = np.inf
 
     def __init__(
         self,
@@ -72,6 +75,7 @@ class Limits:
         tangential_acceleration: float = np.inf,
         tangential_jerk: float = np.inf,
         axes: Sequence[str] = (),
+        rapid: float = np.inf,
     ) -> None:
         given = {
             "feed": feed,
@@ -79,6 +83,7 @@ class Limits:
             "period": period,
             "tangential_acceleration": tangential_acceleration,
             "tangential_jerk": tangential_jerk,
+            "rapid": rapid,
         }
         for name, value in given.items():
             hint = "" if name == "period" else "; use inf for no limit"
@@ -117,6 +122,19 @@ class Limits:
     def with_period(self, period: float) -> Limits:
         """Return the same limits with another interpolation period, s."""
         return self._replace(period=period)
+
+    @property
+    def has_jerk(self) -> bool:
+        """Whether there is any jerk limit."""
+        return bool(np.isfinite(self.jerk).any() or np.isfinite(self.tangential_jerk))
+
+    def without_jerk(self) -> Limits:
+        """Return the same limits without any of the jerk."""
+        return self._replace(jerk=np.full(self.dim, np.inf), tangential_jerk=np.inf)
+
+    def with_axes(self, axes: Sequence[str], **rows: ArrayLike) -> Limits:
+        """Return the same limits for other axes; ``velocity``, ``acceleration`` and ``jerk`` of these."""
+        return self._replace(**rows, axes=axes)
 
     def for_curve(self, curve: Curve) -> Limits:
         """Pick the curve's axes by name out of a machine that has more of them.
@@ -209,10 +227,18 @@ def feedrate_limits(
 
 
 def commanded_feed(curve: Curve, limits: Limits, u: FloatArray, left: NDArray[np.bool_] | bool = False) -> FloatArray:
-    """Feed limit at parameters u, mm/s: that of the limits, or what the curve's own caps command where it is lower."""
+    """Feed limit at parameters u, mm/s: the lower of that of the limits and of the curve's own caps; of rapids their own."""
     if curve.feed_caps is None:
         return np.full(u.shape, limits.feed)
-    return np.minimum(limits.feed, curve.feed_caps.at(u, left))
+    cap = curve.feed_caps.at(u, left)
+    return np.where(np.isinf(cap), limits.rapid, np.minimum(limits.feed, cap))
+
+
+def largest_command(curve: Curve, limits: Limits) -> float:
+    """Largest feed commanded anywhere on a curve, mm/s."""
+    if curve.feed_caps is None:
+        return limits.feed
+    return float(commanded_feed(curve, limits, curve.feed_caps.edges[:-1]).max())
 
 
 def chord_feed_limit(curvature: FloatArray, limits: Limits) -> FloatArray:
@@ -232,7 +258,7 @@ def chord_feed_limit(curvature: FloatArray, limits: Limits) -> FloatArray:
 def load_limits(path: str | Path) -> Limits:
     """Load a machine file (TOML, or the INI of a LinuxCNC machine), or one of the example machines by name.
 
-    Keys: ``feed_mm_s``, ``chord_error_mm``, ``period_s``, ``tangential_acceleration_mm_s2``,
+    Keys: ``feed_mm_s``, ``rapid_mm_s``, ``chord_error_mm``, ``period_s``, ``tangential_acceleration_mm_s2``,
     ``tangential_jerk_mm_s3``, and one ``[[axis]]`` each with ``name``, ``velocity_mm_s``, ``acceleration_mm_s2``,
     ``jerk_mm_s3`` (``_rad_s``, ``_rad_s2``, ``_rad_s3`` for the rotary axes A, B, C).  ``inf`` means no limit.
     For what is read of an INI file see :mod:`planner.machine_ini`.
@@ -302,6 +328,7 @@ def _limits_from_table(table: dict[str, Any], where: str) -> Limits:
             period=head["period_s"],
             tangential_acceleration=head["tangential_acceleration_mm_s2"],
             tangential_jerk=head["tangential_jerk_mm_s3"],
+            rapid=head["rapid_mm_s"],
             axes=names,
         )
     except InputError as error:
@@ -346,6 +373,7 @@ def _file_models() -> tuple[type[BaseModel], type[BaseModel], type[BaseModel]]:
 
     class Machine(Strict):
         feed_mm_s: positive
+        rapid_mm_s: positive = float("inf")
         chord_error_mm: positive = float("inf")
         period_s: finite = 1e-3
         tangential_acceleration_mm_s2: positive = float("inf")

@@ -5,8 +5,8 @@ What is taken (LinuxCNC, Getting Started, chapter "INI Configuration"):
 ===========================================  ==================================================================
 [TRAJ] COORDINATES                           the axes; a letter twice is one axis moved by two joints
 [TRAJ] LINEAR_UNITS, ANGULAR_UNITS           mm or inch; degree, radian or grad
-[TRAJ] MAX_LINEAR_VELOCITY, -ACCELERATION,   feed, tangential acceleration and jerk (before version 2.8 the names
--JERK                                        had no LINEAR); absent: no limit
+[TRAJ] MAX_LINEAR_VELOCITY, -ACCELERATION,   feed of all moves, rapids too, tangential acceleration and jerk (before
+-JERK                                        version 2.8 the names had no LINEAR); absent: no limit
 [AXIS_X] and [JOINT_n] MAX_VELOCITY,         limits of an axis: the lowest of its own and those of its joints.  Without
 MAX_ACCELERATION, MAX_JERK                   MAX_JERK, which LinuxCNC knows from 2.10 on, the jerk has no limit
 [EMCMOT] SERVO_PERIOD                        period, in ns
@@ -25,7 +25,7 @@ from typing import Any
 
 from planner.errors import InputError
 from planner.geometry.curve import AXES, ROTARY_AXES
-from planner.geometry.inputs import shorten
+from planner.geometry.inputs import plain_number, shorten
 
 _LINEAR_UNITS = {"mm": 1.0, "metric": 1.0, "in": 25.4, "inch": 25.4, "imperial": 25.4}
 _ANGULAR_UNITS = {
@@ -73,6 +73,7 @@ def machine_table(text: str, where: str) -> dict[str, Any]:
         key = next((key for key in keys if key in trajectory), None)
         if key is not None:
             table[name] = linear * _positive(trajectory[key], f"[TRAJ]{key}", where)
+    table["rapid_mm_s"] = table["feed_mm_s"]
     period = sections.get("EMCMOT", {}).get("SERVO_PERIOD")
     if period is not None:
         table["period_s"] = 1e-9 * _positive(period, "[EMCMOT]SERVO_PERIOD", where)
@@ -167,11 +168,8 @@ def _unit(
 
 def _positive(entry: tuple[str, int], what: str, where: str) -> float:
     value, line = entry
-    try:
-        number = float(value)
-    except ValueError:
-        number = math.nan
-    if not 0.0 < number < math.inf:
+    number = plain_number(value)
+    if number is None or not 0.0 < number < math.inf:
         raise InputError(
             f"{where}:{line}: {what} = {shorten(value)} must be a number > 0; leave the line out for no limit"
         )

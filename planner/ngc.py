@@ -19,7 +19,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.errors import InputError
+from planner.check import Report, check
+from planner.errors import BrokenLimitError, InputError
 from planner.geometry.curve import Curve, FloatArray
 from planner.geometry.inputs import positive_number
 from planner.output import whole_file
@@ -66,8 +67,9 @@ def write_ngc(
     mode: Mode = "feed",
     block_time: float = 0.01,
     inserted: Sequence[tuple[float, str]] = (),
+    report: Report | None = None,
 ) -> WrittenProgram:
-    """Write a LinuxCNC program of a planned curve.
+    """Write a LinuxCNC program of a planned curve, if the plan breaks no limit.
 
     Parameters
     ----------
@@ -89,6 +91,9 @@ def write_ngc(
     inserted : sequence of (float, str)
         Lines to put in where the path passes a curve parameter, in their order, such as the spindle's words; those at
         the start of the curve come before the rapid to it.
+    report : Report, optional
+        What :func:`~planner.check.check` says of the plan; if left out, a profile is checked here against the limits it
+        was planned for.  Samples do not know theirs and need one.
 
     Returns
     -------
@@ -98,12 +103,15 @@ def write_ngc(
     ------
     InputError
         If an option is not allowed, the tolerance is below the digits of the coordinates, or the file cannot be written.
+    BrokenLimitError
+        If the plan breaks a limit: a machine would run what is written.  Then no file is written.
     """
     if mode not in ("feed", "inverse_time"):
         raise InputError(f'mode = {mode!r} must be "feed" or "inverse_time"')
     tolerance = positive_number(tolerance, "tolerance")
     if not _LEAST_TOLERANCE_MM <= tolerance < np.inf:
         raise InputError(f"tolerance = {tolerance!r} mm must be finite and at least {_LEAST_TOLERANCE_MM} mm")
+    _require_sound(path, curve, plan, report)
     decimals = int(np.clip(np.ceil(-np.log10(tolerance)) + 2.0, 4.0, 9.0))
     if isinstance(plan, Samples):
         blocks = _blocks_of_samples(curve, plan, decimals)
@@ -121,6 +129,19 @@ def write_ngc(
         for line in _lines(curve, blocks, words, mode, 0.5 * tolerance, decimals, inserted):
             file.write(f"{line}\n".encode("ascii"))
     return WrittenProgram(len(words), float(taken.sum()), blocks.deviation)
+
+
+def _require_sound(path: str | Path, curve: Curve, plan: FeedrateProfile | Samples, report: Report | None) -> None:
+    """Refuse a plan that breaks a limit, or that cannot be checked."""
+    if report is None:
+        limits = plan.limits if isinstance(plan, FeedrateProfile) else None
+        if limits is None:
+            raise InputError(
+                f"{path}: not written: the plan does not say its limits; give report = check(curve, limits, plan)"
+            )
+        report = check(curve, limits, plan)
+    if not report.ok:
+        raise BrokenLimitError(f"{path}: not written: the plan {report.summary()}; plan again within the limits")
 
 
 def _blocks_of_profile(

@@ -13,12 +13,13 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from planner.errors import InfeasibleError, InputError
+from planner.bounds import section_bound
+from planner.errors import InfeasibleError, InputError, SolverError
 from planner.geometry.curve import Curve, FloatArray, arc_derivatives
 from planner.law import TimeNodes, utilisation
 from planner.limits import Limits, feedrate_limits
 from planner.profile import FeedrateProfile, make_profile
-from planner.refine import MIN_INTERVALS, PEAK_MARGIN, Effort, Progress, SectionPlan
+from planner.refine import ALMOST_MET, MIN_INTERVALS, PEAK_MARGIN, Effort, Progress, SectionPlan, not_met
 from planner.refine import plan_section as plan_and_refine
 from planner.sections import Section, cut
 
@@ -51,13 +52,13 @@ def plan_feedrate(
         One value for each axis of the curve.
     method : {"optimal", "nlp", "toppra", "scurve"}
         ``optimal``: the jerk-limited optimum by our interior-point method.  ``nlp``: the same problem by CasADi and
-        IPOPT, the reference.  ``toppra``: without a jerk limit, a lower bound.  ``scurve``: jerk-limited S-curves
+        IPOPT, the reference.  ``toppra``: without a jerk limit, to compare with.  ``scurve``: jerk-limited S-curves
         between the feed minima, what industry does today.
     start_feed, end_feed : float
         Tip feed at the ends, mm/s; 0 is rest.
     start_acceleration : float, optional
         Tangential acceleration of the tip at a start with a feed, mm/s^2, where a plan continues another one; free if left
-        out (methods ``optimal`` and ``nlp``).
+        out (methods ``optimal`` and ``nlp``), and without any jerk limit, under which it may step.
     periodic : bool
         The closed curve is run continuously: same feed and acceleration at both ends, free value.
     budget : float
@@ -146,8 +147,6 @@ def _validate(
     if periodic:
         if method not in {"optimal", "nlp"}:
             raise InputError(f"periodic = True is planned by the methods optimal and nlp, not by {method!r}")
-        if not (np.isfinite(limits.jerk).any() or np.isfinite(limits.tangential_jerk)):
-            raise InputError("periodic = True needs a jerk limit; without one toppra plans from rest to rest")
         _require_closed(curve, start_feed, end_feed)
     for name, feed, u in (("start_feed", start_feed, curve.domain[0]), ("end_feed", end_feed, curve.domain[1])):
         if not (np.isfinite(feed) and feed >= 0.0):
@@ -213,15 +212,21 @@ def _plan_section(
         feeds = (section.start_feed or 0.0, section.end_feed or 0.0)
         nodes = TimeNodes(*plan_section(section.curve, limits, section.u_start, section.u_end, *feeds))
         return SectionPlan(nodes, np.nan, {"status": "feasible", "intervals": nodes.t.size - 1})
-    if method == "toppra" or not (np.isfinite(limits.jerk).any() or np.isfinite(limits.tangential_jerk)):
-        from planner.solvers.topp import plan_section as plan_without_jerk
+    if method != "toppra" and not limits.has_jerk:
+        return _plan_without_jerk(section, limits, effort, periodic)
+    if method == "toppra":
+        from planner.solvers.topp import plan_section as plan_by_toppra
 
-        nodes, bound, stats = plan_without_jerk(section, limits, effort.intervals)
+        nodes, stats = plan_by_toppra(section, limits, effort.intervals)
         if not section.has_prescribed_feed:
             used = utilisation(section.curve, limits, nodes)
             slowdown = max(float(used.speed.max()), float(np.sqrt(used.acceleration.max())))
             nodes = nodes.dilated(max(1.0, slowdown * (1.0 + PEAK_MARGIN)))
-        return SectionPlan(nodes, bound, stats)
+            stats["slowdown"] = max(1.0, slowdown)
+            stats["notes"] = [
+                f"slowed down by {100.0 * (slowdown - 1.0):.2g} % for what toppra exceeds between its points"
+            ]
+        return SectionPlan(nodes, section_bound(section, limits.without_jerk(), effort.intervals), stats)
     return plan_and_refine(
         section,
         limits,
@@ -231,6 +236,18 @@ def _plan_section(
         effort=effort,
         progress=progress,
     )
+
+
+def _plan_without_jerk(section: Section, limits: Limits, effort: Effort, periodic: bool) -> SectionPlan:
+    """Plan one section without any jerk limit; what its law still exceeds of the others slows it down."""
+    from planner.solvers.accelerations import plan_section
+
+    nodes, unmet, stats = plan_section(section, limits, effort.intervals)
+    if not section.has_prescribed_feed:
+        nodes = nodes.dilated(unmet * (1.0 + PEAK_MARGIN) if unmet > 1.0 else 1.0)
+    elif unmet > ALMOST_MET:
+        raise SolverError(not_met(section, unmet))
+    return SectionPlan(nodes, section_bound(section, limits, effort.intervals, periodic=periodic), stats)
 
 
 def _chain(parts: list[TimeNodes]) -> TimeNodes:
@@ -258,8 +275,8 @@ def _collect(sections: list[Section], plans: list[SectionPlan], limits: Limits, 
         ]
     for plan in plans:
         notes += plan.stats.get("notes", [])
-    if not (np.isfinite(limits.jerk).any() or np.isfinite(limits.tangential_jerk)):
-        notes.append("no jerk limit is set: planned without one, by toppra")
+    if not limits.has_jerk:
+        notes.append("no jerk limit is set: planned without one, the acceleration may step")
     every = [plan.stats for plan in plans]
     status = next((s["status"] for s in every if s["status"] not in {"optimal", "feasible"}), every[0]["status"])
     stats: dict[str, Any] = {"status": status, "period": limits.period, "notes": notes, "sections": len(sections)}

@@ -6,6 +6,7 @@ user's settings nor the time of day changes them.
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -17,9 +18,10 @@ import numpy as np
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
+from planner.check import Report, check
 from planner.errors import InputError
 from planner.geometry.curve import Curve, FloatArray
-from planner.limits import Limits, feedrate_limits
+from planner.limits import Limits, feedrate_limits, largest_command
 from planner.output import whole_file
 from planner.profile import FeedrateProfile, ProfileStates, Samples
 
@@ -86,7 +88,9 @@ class _Motion:
     jerk: FloatArray
 
 
-def plot_plan(curve: Curve, limits: Limits, profile: FeedrateProfile, samples: Samples | None = None) -> Figure:
+def plot_plan(
+    curve: Curve, limits: Limits, profile: FeedrateProfile, samples: Samples | None = None, report: Report | None = None
+) -> Figure:
     """Draw a plan on one page.
 
     Top: the path of the tool tip coloured by feed, and the feed over arc length under its limits.  Below, over time:
@@ -100,6 +104,8 @@ def plot_plan(curve: Curve, limits: Limits, profile: FeedrateProfile, samples: S
     profile : FeedrateProfile
     samples : Samples, optional
         Points between which the chord error is drawn; those of the limits' period if left out.
+    report : Report, optional
+        What the check says of the plan; checked here if left out.  A plan that breaks a limit is drawn, and says so.
 
     Returns
     -------
@@ -115,7 +121,9 @@ def plot_plan(curve: Curve, limits: Limits, profile: FeedrateProfile, samples: S
     motion = _scan(curve, profile)
     with _style():
         figure = Figure(figsize=_SIZE, layout="constrained")
-        figure.suptitle(_title(profile), x=0.01, ha="left")
+        report = check(curve, limits, profile) if report is None else report
+        title = _title(profile) if report.ok else f"{_title(profile)}\n{textwrap.fill(report.summary(), 100)}"
+        figure.suptitle(title, x=0.01, ha="left", color="black" if report.ok else "tab:red")
         if profile.s[-1] > 0.0:
             grid = figure.add_gridspec(2, 1, height_ratios=(1.0, 1.75))
             top, bottom = figure.add_subfigure(grid[0]), figure.add_subfigure(grid[1])
@@ -258,7 +266,8 @@ def _draw_feed(axes: Axes, curve: Curve, limits: Limits, motion: _Motion) -> Non
         "chord error": found.chord_error,
         "acceleration at steady feed": found.normal_acceleration,
     }
-    top = 1.12 * min(float(np.max(feed)) * 1.25, limits.feed) if np.isfinite(limits.feed) else 1.4 * float(feed.max())
+    command = largest_command(curve, limits)
+    top = 1.12 * min(float(np.max(feed)) * 1.25, command) if np.isfinite(command) else 1.4 * float(feed.max())
     top = max(top, 1.05 * float(feed.max()))
     for (name, values), colour in zip(parts.items(), _COLOURS[1:4], strict=True):
         if float(values.min()) < top:

@@ -21,6 +21,7 @@ from planner.limits import Limits, chord_feed_limit, commanded_feed
 
 # A limit holds the path back where it is used up to within one percent.
 BINDING_SHARE = 0.99
+_WORTH_KEEPING = 1.0001  # of slowing down: less changes no name of a limit
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +64,10 @@ class FeedrateProfile:
     method : str
         The solver that made it.
     stats : mapping
-        What the solver says of its work: status, iterations, computing times, and the like.
+        What the solver says of its work: status, iterations, computing times, and the like.  ``slowed``: where the plan was
+        slowed down as a whole, pairs of the first node and by which factor; ``binding`` is what held it back before.
+    limits : Limits, optional
+        What it was planned for: by these ``binding`` is named.
     """
 
     curve: Curve
@@ -80,6 +84,7 @@ class FeedrateProfile:
     lower_bound: float = np.nan
     method: str = ""
     stats: Mapping[str, Any] = field(default_factory=dict)
+    limits: Limits | None = None
 
     def __post_init__(self) -> None:
         for name in ("t", "u", "u_rate", "u_acceleration", "s", "feed", "acceleration", "jerk", "binding"):
@@ -264,6 +269,10 @@ def make_profile(
         curve, limits, law, along, q, tip, commanded, np.ones_like(t) if slowed is None else slowed
     )
     s = curve.arclength.s(u)
+    facts = dict(stats or {})
+    if slowed is not None and slowed.max() > _WORTH_KEEPING:
+        first = np.flatnonzero(np.diff(slowed, prepend=np.nan) != 0.0)
+        facts["slowed"] = [(int(node), float(slowed[node])) for node in first]
     return FeedrateProfile(
         curve,
         t,
@@ -278,7 +287,8 @@ def make_profile(
         names,
         float(lower_bound),
         method,
-        dict(stats or {}),
+        facts,
+        limits,
     )
 
 

@@ -61,7 +61,7 @@ _IDLE_ROUNDS, _TIGHTENING_ROUNDS = 3, 5  # the last for idle intervals, and for 
 PEAK_MARGIN = 5e-7
 _MET = 1.0 + 2e-8
 _BACKWARD = 5e-10  # of the largest rate of u: slower than that is rounding
-_ALMOST_MET = 1.0 + 1e-6
+ALMOST_MET = 1.0 + 1e-6
 _PRESCRIBED_MARGIN = 2e-6
 _CONTINUED_GAIN = 2.0
 # An interior point needs room above a feed that is prescribed at its limit.
@@ -364,13 +364,16 @@ def _say_slowing_down(best: Round, stats: dict[str, Any]) -> None:
 
 def _require_met(task: Task, best: Round) -> None:
     """Refuse a plan that exceeds its limits and cannot be slowed down, since its feeds are prescribed."""
-    if task.prescribed and best.slowdown > _ALMOST_MET:
-        section = task.section
-        raise SolverError(
-            f"the plan from start_feed = {section.start_feed or 0.0:g} to end_feed = {section.end_feed or 0.0:g} mm/s "
-            f"still exceeds its limits, {best.slowdown:.6g} times as fast as allowed; try other feeds or more "
-            "intervals"
-        )
+    if task.prescribed and best.slowdown > ALMOST_MET:
+        raise SolverError(not_met(task.section, best.slowdown))
+
+
+def not_met(section: Section, slowdown: float) -> str:
+    """Say that a plan with prescribed feeds exceeds its limits."""
+    return (
+        f"the plan from start_feed = {section.start_feed or 0.0:g} to end_feed = {section.end_feed or 0.0:g} mm/s "
+        f"still exceeds its limits, {slowdown:.6g} times as fast as allowed; try other feeds or more intervals"
+    )
 
 
 def _run(

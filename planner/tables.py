@@ -3,7 +3,11 @@
 One row is one node of the plan's time law.  Between two rows the curve parameter is the quintic in time that takes
 their ``u``, ``u_rate`` and ``u_acceleration``, so these columns and ``t_s`` are the plan; the others show the same
 nodes to a person or a controller, and a reader refuses a table in which they disagree.  The header holds the format
-version, units, curve and its hash, method, duration, lower bound, every limit and the number of rows.
+version, units, curve and its hash, method, duration, lower bound, what the independent check says of the plan, how it was
+asked for (exact stops, periodic), every limit and the number of rows.
+
+Read back, everything that follows from the time law, the curve and the limits is computed again and compared.  What does not
+follow (method, status, notes, the lower bound) is the table's own word, and the profile says so.
 """
 
 from __future__ import annotations
@@ -16,14 +20,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.check import Report, check
+from planner.check.columns import Nodes, limit_names
+from planner.check.report import BREAKS, HOLDS
 from planner.errors import InputError
-from planner.geometry.curve import ROTARY_AXES, Curve, Side
+from planner.geometry.curve import ROTARY_AXES, Curve, FloatArray
+from planner.geometry.inputs import plain_number, shorten
 from planner.limits import Limits
 from planner.profile import FeedrateProfile, Samples
 from planner.tablefile import ColumnFile, Columns, reading, write_columns
 
-_PLAN_FORMAT = "feedplan-table 1"
-_SAMPLES_FORMAT = "feedplan-samples 1"
+_PLAN_FORMAT = "feedplan-table 2"
+_SAMPLES_FORMAT = "feedplan-samples 2"
 _UNITS = "mm, rad, s; u is the curve parameter, u_rate in 1/s, u_acceleration in 1/s^2"
 _TIME_LAW = "between two rows u(t) is the quintic that takes u, u_rate and u_acceleration of both"
 _ALONG = {"s_mm": "s", "feed_mm_s": "feed", "acceleration_mm_s2": "acceleration", "jerk_mm_s3": "jerk"}
@@ -33,17 +41,38 @@ _SCALAR_LIMITS = {
     "period": "s",
     "tangential_acceleration": "mm_s2",
     "tangential_jerk": "mm_s3",
+    "rapid": "mm_s",
 }
 _AXIS_LIMITS = {"velocity": "s", "acceleration": "s2", "jerk": "s3"}
-_KEYS = ("curve", "curve_hash", "axes", "method", "duration_s", "lower_bound_s", "limit_names", "notes", "rows")
-# Columns that follow from the others may differ by what another machine's rounding does, against their largest value.
-_AGREEMENT = 1e-6
+_KEYS = (
+    "format",
+    "units",
+    "time_law",
+    "curve",
+    "curve_hash",
+    "axes",
+    "method",
+    "status",
+    "exact_stop",
+    "periodic",
+    "duration_s",
+    "lower_bound_s",
+    "verdict",
+    "limit_names",
+    "notes",
+    "rows",
+)
+# Axes that follow from the parameter may differ by what another machine's rounding does, against their largest value.
+_AGREEMENT = 1e-9
+_BOUND = 2e-6  # of the duration: what a lower bound may lie above it by, since both are rounded
+_AT_REST = 1e-9  # of the largest feed
+_TRUTH = {"yes": True, "no": False}
 # What else a table may say of its curve: how the path was made from a part program or from points.
 _ORIGIN = ("path_tolerance_mm", "path_share")
 _SAME_PLACE = 1e-9  # of the domain: what rounding may leave between two rows of one place
 
 
-def write_table(path: str | Path, profile: FeedrateProfile, limits: Limits) -> None:
+def write_table(path: str | Path, profile: FeedrateProfile, limits: Limits, *, report: Report | None = None) -> None:
     """Write a plan as a feedrate table.
 
     Parameters
@@ -53,6 +82,9 @@ def write_table(path: str | Path, profile: FeedrateProfile, limits: Limits) -> N
     profile : FeedrateProfile
     limits : Limits
         The limits it was planned for; they go into the header.
+    report : Report, optional
+        What :func:`~planner.check.check` says of the plan under these limits; checked here if left out.  A plan that
+        breaks a limit is written, and the line ``verdict`` says so.
 
     Raises
     ------
@@ -62,6 +94,7 @@ def write_table(path: str | Path, profile: FeedrateProfile, limits: Limits) -> N
     """
     curve = profile.curve
     limits.require_matches(curve)
+    report = check(curve, limits, profile) if report is None else report
     positions = curve.derivatives(profile.u, 0)[0]
     columns: dict[str, NDArray[Any]] = {"t_s": profile.t, "u": profile.u, "s_mm": profile.s}
     columns |= {name: positions[:, j] for j, name in enumerate(_axis_columns(curve))}
@@ -73,9 +106,13 @@ def write_table(path: str | Path, profile: FeedrateProfile, limits: Limits) -> N
         "time_law": _TIME_LAW,
         **_curve_lines(curve),
         "method": profile.method,
+        "status": str(profile.stats.get("status", "feasible")),
+        **{key: "yes" if profile.stats.get(key, False) else "no" for key in ("exact_stop", "periodic")},
         "duration_s": repr(profile.duration),
         "lower_bound_s": repr(float(profile.lower_bound)),
+        "verdict": report.summary(),
         **_limit_lines(curve.axes, limits),
+        **({"slowed": json.dumps(profile.stats["slowed"])} if "slowed" in profile.stats else {}),
         **{key: str(value) for key, value in profile.stats.get("origin", {}).items() if key in _ORIGIN},
         "limit_names": ", ".join(profile.limit_names),
         "notes": json.dumps([str(note) for note in profile.stats.get("notes", ())]),
@@ -87,8 +124,9 @@ def write_table(path: str | Path, profile: FeedrateProfile, limits: Limits) -> N
 def read_table(path: str | Path, curve: Curve) -> FeedrateProfile:
     """Read a feedrate table back, equal to the plan that was written bit by bit.
 
-    ``stats`` holds the notes of the plan and the period it was made for, nothing else; :func:`table_limits` reads all
-    limits in the header.
+    ``stats`` holds what the planner puts there and the header says: status, notes, period, ``exact_stop``, ``periodic``;
+    besides ``verdict``, what the check said when the table was written, and ``bound_claimed``: that the lower bound is the
+    table's word.
 
     Parameters
     ----------
@@ -104,19 +142,26 @@ def read_table(path: str | Path, curve: Curve) -> FeedrateProfile:
     Raises
     ------
     InputError
-        If the file cannot be read, belongs to another curve, is cut off, has an unknown version, lacks a column, holds
-        something else than a finite number where one is due, has times that do not increase or parameters that do not
-        reach from end to end of the curve, or shows columns that disagree with its time law.
+        If the file cannot be read, belongs to another curve, is cut off or damaged, has another version, says a thing
+        twice, lacks a column or has one too many, holds something else than a finite number where one is due, has times
+        that do not increase or parameters that do not reach from end to end of the curve, or shows a column or a header
+        line that disagrees with its time law, the curve or its limits.
     """
-    wanted = ["t_s", "u", *_ALONG, *_axis_columns(curve), "binding", "u_rate", "u_acceleration"]
+    wanted = ["t_s", "u", "s_mm", *_axis_columns(curve), *list(_ALONG)[1:], "binding", "u_rate", "u_acceleration"]
     with reading(path, _PLAN_FORMAT, _KEYS) as file:
         header = file.header
         _require_curve(file, curve)
-        names = tuple(header["limit_names"].split(", "))
+        names = limit_names(curve)
+        _require_lines(file, {"axes": " ".join(curve.axes), "limit_names": ", ".join(names)})
+        limits = _limits_of(file)
         columns = file.columns(wanted, {"binding": names})
         _require_time_law(file, columns, curve)
-        _require_agreement(file, columns, curve)
-        return FeedrateProfile(
+        stats: dict[str, Any] = {"status": header["status"], "notes": _notes(file), "period": limits.period}
+        stats |= {key: _truth(file, key) for key in ("exact_stop", "periodic")}
+        stats |= {"verdict": header["verdict"], "bound_claimed": True}
+        stats |= {"origin": _origin(file)} if _origin(file) else {}
+        stats |= {"slowed": _slowed(file, columns["t_s"].size)} if "slowed" in header else {}
+        profile = FeedrateProfile(
             curve,
             t=columns["t_s"],
             u=columns["u"],
@@ -130,9 +175,16 @@ def read_table(path: str | Path, curve: Curve) -> FeedrateProfile:
             limit_names=names,
             lower_bound=_number(file, "lower_bound_s"),
             method=header["method"],
-            stats={"notes": _notes(file), "period": _number(file, "limit_period_s")}
-            | ({"origin": _origin(file)} if _origin(file) else {}),
+            stats=stats,
+            limits=limits,
         )
+        _require_agreement(file, columns, profile, limits)
+        _require_facts(file, profile)
+        file.require_rows(columns)
+        file.require_only(
+            [*_KEYS, *_ORIGIN, "slowed", *(key for keys in _limit_keys(curve.axes).values() for key in keys)]
+        )
+        return profile
 
 
 def table_limits(path: str | Path) -> Limits:
@@ -141,7 +193,11 @@ def table_limits(path: str | Path) -> Limits:
     Raises InputError if the file cannot be read, is no feedrate table, or lacks a limit.
     """
     with reading(path, _PLAN_FORMAT, _KEYS) as file:
-        return _limits_of(file)
+        limits = _limits_of(file)
+        file.require_only(
+            [*_KEYS, *_ORIGIN, "slowed", *(key for keys in _limit_keys(limits.axes).values() for key in keys)]
+        )
+        return limits
 
 
 def table_origin(path: str | Path) -> dict[str, str]:
@@ -153,8 +209,10 @@ def table_origin(path: str | Path) -> dict[str, str]:
         return _origin(file)
 
 
-def write_samples(path: str | Path, curve: Curve, samples: Samples) -> None:
+def write_samples(path: str | Path, curve: Curve, samples: Samples, report: Report) -> None:
     """Write samples, one row a period: ``t_s``, ``u`` and the machine axes, as CSV or NPZ.
+
+    The line ``verdict`` of the header is what the report of the samples says.
 
     Raises InputError if the file cannot be written; then none is left behind.
     """
@@ -165,6 +223,7 @@ def write_samples(path: str | Path, curve: Curve, samples: Samples) -> None:
         "units": "mm, rad, s; u is the curve parameter",
         **_curve_lines(curve),
         "period_s": repr(float(samples.period)),
+        "verdict": report.summary(),
         "rows": str(samples.t.size),
     }
     write_columns(path, header, columns, {})
@@ -192,6 +251,7 @@ def _limit_lines(axes: Sequence[str], limits: Limits) -> dict[str, str]:
         key: repr(float(value))
         for name, keys in _limit_keys(axes).items()
         for key, value in zip(keys, np.atleast_1d(getattr(limits, name)), strict=True)
+        if name != "rapid" or np.isfinite(value)
     }
 
 
@@ -199,6 +259,8 @@ def _limits_of(file: ColumnFile) -> Limits:
     axes = file.header["axes"].split()
     values: dict[str, Any] = {}
     for name, keys in _limit_keys(axes).items():
+        if name == "rapid" and keys[0] not in file.header:
+            continue  # without a limit of their own
         row = [_number(file, key) for key in keys]
         values[name] = row[0] if name in _SCALAR_LIMITS else row
     try:
@@ -213,30 +275,60 @@ def _origin(file: ColumnFile) -> dict[str, str]:
 
 def _number(file: ColumnFile, key: str) -> float:
     text = file.header.get(key, "")
-    try:
-        return float(text)
-    except ValueError:
-        raise InputError(f'{file.path}: the header says {key} = "{text}"; it must be a number') from None
+    number = plain_number(text, other=("inf", "-inf", "nan"))
+    if number is None:
+        raise InputError(f'{file.path}: the header says {key} = "{shorten(text)}"; it must be a number')
+    return number
+
+
+def _truth(file: ColumnFile, key: str) -> bool:
+    if file.header[key] not in _TRUTH:
+        raise InputError(f'{file.path}: the header says {key} = "{shorten(file.header[key])}"; it must be yes or no')
+    return _TRUTH[file.header[key]]
 
 
 def _notes(file: ColumnFile) -> list[str]:
     try:
         notes = json.loads(file.header["notes"])
-    except json.JSONDecodeError:
+    except (ValueError, RecursionError):
         notes = None
-    if not isinstance(notes, list):
+    if not isinstance(notes, list) or not all(isinstance(note, str) for note in notes):
         raise InputError(
-            f"{file.path}: the header says notes = {file.header['notes']}; it must be a JSON list of texts"
+            f"{file.path}: the header says notes = {shorten(file.header['notes'])}; it must be a JSON list of texts"
         )
-    return [str(note) for note in notes]
+    return notes
+
+
+def _slowed(file: ColumnFile, rows: int) -> list[tuple[int, float]]:
+    """Rows from which on, and factors by which, the plan was slowed down."""
+    text = file.header["slowed"]
+    try:
+        pairs = [(row, factor) for row, factor in json.loads(text)]
+    except (TypeError, ValueError, RecursionError):
+        pairs = []
+    at = [row for row, _ in pairs]
+    sound = bool(pairs) and all(type(row) is int and isinstance(factor, float) for row, factor in pairs)
+    if (
+        not sound
+        or at != sorted(set(at))
+        or at[0] != 0
+        or at[-1] >= rows
+        or not all(1.0 <= f < np.inf for _, f in pairs)
+    ):
+        raise InputError(
+            f"{file.path}: the header says slowed = {shorten(text)}; it must be pairs [row, factor], rows increasing "
+            "from 0, factors of at least 1"
+        )
+    return pairs
 
 
 def _require_curve(file: ColumnFile, curve: Curve) -> None:
     found = file.header["curve_hash"]
     if found != curve.fingerprint:
         raise InputError(
-            f"{file.path}: the table is for the curve {file.header['curve']} (hash {found[:12]}), not for {curve.name} "
-            f"(hash {curve.fingerprint[:12]}); give the curve, and the scale and tolerance, it was planned with"
+            f"{file.path}: the table is for the curve {shorten(file.header['curve'])} (hash {shorten(found)[:12]}), not "
+            f"for {curve.name} (hash {curve.fingerprint[:12]}); give the curve, and the scale and tolerance, it was planned "
+            "with"
         )
 
 
@@ -268,24 +360,76 @@ def _require_time_law(file: ColumnFile, columns: Columns, curve: Curve) -> None:
         )
 
 
-def _require_agreement(file: ColumnFile, columns: Columns, curve: Curve) -> None:
+def _require_agreement(file: ColumnFile, columns: Columns, profile: FeedrateProfile, limits: Limits) -> None:
     """Refuse columns that show another motion than the time law: whoever edits the feed alone changes nothing."""
-    u, rate, feed = columns["u"], columns["u_rate"], columns["feed_mm_s"]
-    positions = curve.derivatives(u, 0)[0]
-    # At a break of the parametrisation a row holds the value of either side.
-    sides: tuple[Side, Side] = ("left", "right")
-    speeds = [np.sqrt(np.sum(curve.tip.derivatives(u, 1, side=side)[1] ** 2, axis=-1)) * rate for side in sides]
-    nearest = np.where(np.abs(speeds[0] - feed) < np.abs(speeds[1] - feed), *speeds)
-    expected = {name: positions[:, j] for j, name in enumerate(_axis_columns(curve))}
-    expected |= {"s_mm": curve.arclength.s(u), "feed_mm_s": nearest}
-    for name, values in expected.items():
-        shown, scale = columns[name], float(np.abs(values).max())
-        if name not in _ALONG:  # an axis that stands still has no size of its own
-            scale += 1e-3 * float(np.abs(positions).max())
-        bad = np.flatnonzero(np.abs(shown - values) > _AGREEMENT * scale)
-        if bad.size:
-            row = int(bad[0])
+    curve = profile.curve
+    positions = curve.derivatives(profile.u, 0)[0]
+    # An axis that stands still has no size of its own.
+    scale = np.abs(positions).max(axis=0) + 1e-3 * np.abs(positions).max()
+    for j, name in enumerate(_axis_columns(curve)):
+        _require_near(file, name, columns[name], positions[:, j], np.full(profile.t.size, _AGREEMENT * scale[j]))
+    nodes = Nodes.of(curve, profile)
+    shown = {field: name for name, field in _ALONG.items()}
+    for column in nodes.columns():
+        _require_near(file, shown[column.name], column.shown, column.expected, column.granted)
+    wrong = nodes.misnamed(limits)
+    if wrong.size:
+        row = int(wrong[0])
+        used = {name: float(share[row]) for name, (share, _) in nodes.shares(limits).items()}
+        most, named = max(used, key=lambda name: used[name]), profile.limit_names[profile.binding[row]]
+        raise InputError(
+            f'{file.place(row)}: binding = "{named}" disagrees with the time law: of {most} {100.0 * used[most]:.4g} % is '
+            f"used there, of {named} {100.0 * used[named]:.4g} %"
+        )
+
+
+def _require_near(file: ColumnFile, name: str, shown: FloatArray, expected: FloatArray, granted: FloatArray) -> None:
+    bad = np.flatnonzero(~(np.abs(shown - expected) <= granted))
+    if bad.size:
+        row = int(bad[0])
+        raise InputError(
+            f"{file.place(row)}: {name} = {float(shown[row])!r} disagrees with the time law, which gives "
+            f"{float(expected[row])!r}; t_s, u, u_rate and u_acceleration are the plan, the others follow from them"
+        )
+
+
+def _require_lines(file: ColumnFile, further: dict[str, str]) -> None:
+    """Refuse a header with other texts than those that are written."""
+    for key, text in ({"units": _UNITS, "time_law": _TIME_LAW} | further).items():
+        if file.header[key] != text:
+            raise InputError(f'{file.path}: the header says {key} = "{shorten(file.header[key])}"; it must be "{text}"')
+
+
+def _require_facts(file: ColumnFile, profile: FeedrateProfile) -> None:
+    """Refuse header lines that contradict the plan."""
+    header, feed = file.header, np.abs(profile.feed)
+    if header["duration_s"] != repr(profile.duration):
+        raise InputError(
+            f"{file.path}: the header says duration_s = {shorten(header['duration_s'])}; the rows end at "
+            f"t_s = {profile.duration!r}"
+        )
+    bound = profile.lower_bound
+    if not (np.isnan(bound) or 0.0 <= bound <= profile.duration * (1.0 + _BOUND)):
+        raise InputError(
+            f"{file.path}: the header says lower_bound_s = {bound!r}; it must be nan, or lie within [0, "
+            f"{profile.duration!r}], the duration"
+        )
+    if not header["verdict"].startswith((HOLDS, BREAKS)):
+        raise InputError(
+            f'{file.path}: the header says verdict = "{shorten(header["verdict"])}"; it must begin with "{HOLDS}" or '
+            f'"{BREAKS}"'
+        )
+    rest = _AT_REST * float(feed.max())
+    if profile.stats["periodic"] and not abs(feed[0] - feed[-1]) <= 1e3 * rest:
+        raise InputError(
+            f"{file.path}: the header says periodic = yes, but the feed is {feed[0]:.9g} mm/s at the start and "
+            f"{feed[-1]:.9g} mm/s at the end"
+        )
+    if profile.stats["exact_stop"]:
+        jumps = [b.u for b in profile.curve.breaks if b.geometric == 1]
+        passed = next((u for u in jumps if feed[np.argmin(np.abs(profile.u - u))] > rest), None)
+        if passed is not None:
             raise InputError(
-                f"{file.place(row)}: {name} = {float(shown[row])!r} disagrees with the time law, which gives "
-                f"{float(values[row])!r}; t_s, u, u_rate and u_acceleration are the plan, the others follow from them"
+                f"{file.path}: the header says exact_stop = yes, but the plan does not stop at u = {passed:.9g}, where the "
+                "curvature jumps"
             )

@@ -95,13 +95,23 @@ class Verdict:
         """How the lower bound is known."""
         if self.proof is not None:
             return "proved by the certificate"
-        return "claimed by the table, not verified" if math.isnan(self.planning_time) else "computed with the plan"
+        return "claimed by the table, not verified" if self.bound_claimed else "computed with the plan"
+
+    @property
+    def report(self) -> Report:
+        """The report that decides, for the heads of files: that of the samples where only they break a limit."""
+        return self.samples_report if self.plan_report.ok else self.plan_report
 
     @property
     def gap(self) -> float:
         """Time above the lower bound as a fraction of it; nan where there is none."""
         bound = self.lower_bound
         return self.profile.duration / bound - 1.0 if bound > 0.0 else math.nan
+
+    @property
+    def bound_claimed(self) -> bool:
+        """The lower bound is a table's own word: nothing here has shown it."""
+        return bool(self.profile.stats.get("bound_claimed", False))
 
     @property
     def notes(self) -> list[str]:
@@ -125,6 +135,7 @@ def to_json(verdict: Verdict) -> str:
         "curve": _curve_facts(profile.curve),
         "machine": verdict.machine,
         "feed_mm_s": limits.feed,
+        "rapid_mm_s": limits.rapid,
         "period_s": verdict.samples.period,
         "method": profile.method,
         "duration_s": profile.duration,
@@ -239,6 +250,7 @@ def to_text(verdict: Verdict) -> RenderableType:
 def samples_text(profile: FeedrateProfile, samples: Samples, report: Report, apart: float, file: str) -> RenderableType:
     """Lay out what the samples of a plan use of its limits; ``apart`` is their distance from the plan, mm or rad."""
     from rich.console import Group
+    from rich.text import Text
 
     curve = profile.curve
     lines = [
@@ -248,7 +260,8 @@ def samples_text(profile: FeedrateProfile, samples: Samples, report: Report, apa
         named("off the plan", f"{apart:.3g} at most, mm or rad on any axis"),
     ]
     written = [named("written", file)] if file else []
-    return Group(*lines, "", _limit_table([("samples", report)]), "", *written)
+    verdict = [] if report.ok else [Text("LIMIT BROKEN", "bold red")]
+    return Group(*lines, "", _limit_table([("samples", report)]), "", *written, *verdict)
 
 
 def _shortened(notes: list[str]) -> list[str]:
@@ -262,6 +275,8 @@ def _facts(verdict: Verdict) -> RenderableType:
 
     profile, limits, curve = verdict.profile, verdict.limits, verdict.profile.curve
     feed = f"feed {quantity(limits.feed, 'mm/s')}" if math.isfinite(limits.feed) else "no feed limit"
+    if math.isfinite(limits.rapid) and curve.feed_caps is not None:
+        feed += f", rapids {quantity(limits.rapid, 'mm/s')}"
     time = f"{profile.duration:.6g} s"
     lines = [
         named("curve", f"{curve.name}, {curve.length:.6g} mm, axes {' '.join(curve.axes)}"),
@@ -271,9 +286,12 @@ def _facts(verdict: Verdict) -> RenderableType:
         named("plan", f"{profile.method}, {profile.t.size} nodes" + _planned_in(verdict.planning_time)),
     ]
     if math.isfinite(verdict.gap):
-        bound = f"{verdict.lower_bound:.6g} s; the gap is at most {_percent(verdict.gap, 2)}"
-        if verdict.bound_from != "computed with the plan":
-            bound += f"; {verdict.bound_from}"
+        gap = _percent(verdict.gap, 2)
+        bound = f"{verdict.lower_bound:.6g} s; the gap is at most {gap}"
+        if verdict.proof is not None:
+            bound += f", {verdict.bound_from}"
+        elif verdict.bound_claimed:
+            bound = f"{verdict.lower_bound:.6g} s is the table's claim, not checked; if true, the gap is at most {gap}"
     else:
         bound = "none from this method"
     return Group(*lines, named("duration", time, "bold"), named("lower bound", bound))

@@ -846,6 +846,11 @@ def test_arguments_are_validated(line, line_limits, line_plan):
         ("reversal", "u_rate", 3, -1e-3),
         ("table columns", "s", 4, 90.0),
         ("table columns", "feed", 4, 100.0 * (1 + 1e-8)),
+        ("table columns", "acceleration", 4, 1.0),
+        ("table columns", "jerk", 4, 1.0),
+        ("binding limit", "binding", 4, 2),
+        ("binding limit", "binding", 4, -1),
+        ("binding limit", "binding", 4, 100),
     ],
 )
 def test_a_defective_table_is_found(line, line_limits, line_plan, name, column, index, value):
@@ -853,7 +858,7 @@ def test_a_defective_table_is_found(line, line_limits, line_plan, name, column, 
     broken[index] = value
     report = check(line, line_limits, dataclasses.replace(line_plan, **{column: broken}))
     assert (name, "") in failing(report)
-    if name == "table columns":
+    if name in ("table columns", "binding limit"):
         assert failing(report) == {(name, "")}
         assert report.row(name).t == line_plan.t[4]
 
@@ -1054,6 +1059,7 @@ def test_the_check_knows_nothing_of_the_planner():
     assert {name for name in imported if not name.startswith("planner.check.")} == {
         "planner.errors.InputError",
         "planner.geometry.curve.Curve",
+        "planner.geometry.curve.FeedCaps",
         "planner.geometry.curve.FloatArray",
         *(f"planner.geometry.kernels.{name}" for name in ("FLAG", "I64", "NOTHING", "find_piece")),
         *(f"planner.geometry.kernels.{access}{n}" for access in ("READ", "WRITE") for n in (1, 2, 3)),

@@ -22,6 +22,7 @@ import planner.progress
 from planner import check, load_curve, load_limits, read_table, write_table
 from planner.cli import app
 from planner.errors import InfeasibleError, SolverError, StalledError
+from planner.plots import plot_plan
 from planner.profile import make_profile
 
 QUICK = ("--intervals", "60")
@@ -227,6 +228,48 @@ class TestCheck:
         assert facts["ok"] is False
         assert {row["limit"] for row in facts["checks"]["plan"] if not row["ok"]} >= {"feed", "jerk"}
 
+    def test_no_machine_gets_a_plan_that_breaks_a_limit(self, run, tmp_path, fast_table):
+        """One rule: a program is refused, every other file says what it is; the exit code is 1."""
+        assert "# verdict = BREAKS ITS LIMITS: " in fast_table.read_text()
+        code, _, err = run("ngc", "teardrop", "--table", fast_table, "-o", tmp_path / "out.ngc")
+        assert code == 1
+        assert "out.ngc: not written: the plan BREAKS ITS LIMITS" in err
+        code, out, _ = run("replay", fast_table, "teardrop", "-o", tmp_path / "samples.csv")
+        assert code == 1
+        assert "LIMIT BROKEN" in out
+        assert "# verdict = BREAKS ITS LIMITS: " in (tmp_path / "samples.csv").read_text()
+        assert run("report", fast_table, "teardrop", "-o", tmp_path / "page.html")[0] == 1
+        assert '"ok":false' in (tmp_path / "page.html").read_text().replace(" ", "")
+        assert not (tmp_path / "out.ngc").exists()
+
+    def test_what_is_planned_too_fast_is_marked(self, run, tmp_path, plan, monkeypatch):
+        limits = load_limits("mill").for_curve(plan.curve)
+        nodes = (plan.t / 1.005, plan.u, plan.u_rate * 1.005, plan.u_acceleration * 1.005**2)
+        planned_by(monkeypatch, lambda curve, limits, **options: fast)
+        fast = make_profile(plan.curve, limits, nodes, method="faster")
+        files = [tmp_path / name for name in ("t.csv", "out.ngc", "p.svg")]
+        code, out, err = run("plan", "teardrop", "-o", files[0], "--program", files[1], "--plot", files[2])
+        assert code == 1
+        assert "out.ngc: not written, since the plan breaks a limit" in err
+        written = "".join(out.split())
+        assert f"{files[0].name}" in written
+        assert "out.ngc" not in written
+        assert "# verdict = BREAKS ITS LIMITS: " in files[0].read_text()
+        figure = plot_plan(plan.curve, limits, fast)
+        assert "BREAKS ITS LIMITS" in figure.get_suptitle()
+        assert "BREAKS" not in plot_plan(plan.curve, limits, plan).get_suptitle()
+        assert not files[1].exists()
+
+    def test_the_bound_of_a_table_is_its_claim(self, run, table):
+        code, out, _ = run("check", table, "teardrop")
+        assert code == 0
+        assert "is the table's claim, not checked; if true, the gap is at most" in " ".join(out.split())
+        assert (
+            parsed(run("check", table, "teardrop", "--json")[1])["lower_bound_is"]
+            == "claimed by the table, not verified"
+        )
+        assert parsed(run("plan", "teardrop", *QUICK, "--json")[1])["lower_bound_is"] == "computed with the plan"
+
     def test_a_violation_shows_as_one_however_small(self, run, tmp_path, plan):
         limits = load_limits("mill").for_curve(plan.curve)
         largest = check(plan.curve, limits, plan).row("feed").worst
@@ -257,7 +300,8 @@ class TestReplay:
         found = {}
         for order in (1, 2, 3, 5):
             code, out, _ = run("replay", table, "teardrop", "--order", order)
-            assert code == 0
+            assert (code == 0) == ("LIMIT BROKEN" not in out)
+            assert code == 0 or order in (1, 2)
             found[order] = float(out.split("off the plan")[1].split()[0])
         assert found[5] < 1e-9
         assert found[1] > found[2] > found[3] > found[5]

@@ -1,5 +1,6 @@
 """Curves out of DXF drawings and out of points."""
 
+import re
 from itertools import pairwise
 
 import numpy as np
@@ -7,8 +8,9 @@ import pytest
 
 from planner.errors import CurveError, InputError
 from planner.geometry.catalog import load_curve
-from planner.geometry.drawing import read_dxf, read_points
+from planner.geometry.drawing import read_dxf
 from planner.geometry.nurbs import NurbsCurve
+from planner.geometry.points import read_points
 
 ezdxf = pytest.importorskip("ezdxf")
 
@@ -85,6 +87,38 @@ class TestChains:
         assert corners(curve) == []
         assert at(curve, [10 + np.pi, 20 + 3 * np.pi]) == pytest.approx(np.array([[12, 2], [-2, 2]]), abs=1e-6)
 
+    @pytest.mark.parametrize("bulge", [1e-300, 1e-13, -1e-11, 1e-9, 1e-7, -1e-5, 1e-3])
+    def test_a_small_bulge_bends_as_much_as_it_says(self, drawing, bulge):
+        """Sagitta b c / 2 and ends, at every size; below a turn of 1e-9 it is a line."""
+        curve = drawing(lambda space: space.add_lwpolyline([(0, 0, 0, 0, bulge), (60, 80, 0, 0, 0), (60, 90, 0, 0, 0)]))
+        first = curve.arclength.u(100.0) if abs(bulge) < 1e-4 else curve.breaks[0].u
+        points = curve.derivatives(np.array([0.0, 0.5 * first, first]), 0)[0]
+        assert points[[0, 2]] == pytest.approx(np.array([[0, 0], [60, 80]]), abs=1e-4 if abs(bulge) > 1e-4 else 1e-7)
+        rise = (points[1] - [30, 40]) @ [0.8, -0.6]
+        assert rise == pytest.approx(50.0 * bulge if abs(bulge) > 1e-10 else 0.0, abs=1e-12 * 100, rel=1e-3)
+        assert len(corners(curve)) == 1
+
+    @pytest.mark.parametrize(
+        "extra", [[(0, 0), (0, 0)], [(0, 0), (5e-4, 0)], [(10, 0), (10, 9e-4)], [(20, 0), (20, 0)]]
+    )
+    def test_slivers_are_absorbed(self, drawing, extra):
+        def add(space):
+            space.add_line((0, 0), (10, 0))
+            space.add_line(*extra)
+            space.add_line((10, 0), (20, 0))
+
+        curve = drawing(add)
+        assert curve.length == pytest.approx(20.0, abs=1e-9)
+        assert corners(curve) == []
+
+    def test_arcs_without_a_turn_are_absorbed(self, drawing):
+        def add(space):
+            space.add_line((0, 0), (10, 0))
+            space.add_arc((10, 3), 3, -90, -90 + 1e-9)
+            space.add_arc((10, 3), 3, -90, 90)
+
+        assert drawing(add).length == pytest.approx(10 + 3 * np.pi, rel=1e-9)
+
     @pytest.mark.parametrize("bulge", [0.3, -0.3, 2.0, -2.0])
     def test_a_bulge_is_the_tangent_of_a_quarter_of_the_angle(self, drawing, bulge):
         curve = drawing(lambda space: space.add_lwpolyline([(0, 0, 0, 0, bulge), (6, 0, 0, 0, 0)]))
@@ -155,7 +189,7 @@ class TestDrawingsRefused:
     def test_another_entity(self, drawing):
         message = self.refusal(drawing, lambda space: space.add_point((0, 0)))
         assert message.startswith("POINT #")
-        assert message.endswith("is not read; a chain of SPLINE, LINE, ARC, CIRCLE, LWPOLYLINE is")
+        assert "is not read; a chain of SPLINE, LINE, ARC, CIRCLE, LWPOLYLINE is: delete it, or put the path" in message
 
     def test_nothing(self, drawing):
         assert self.refusal(drawing, lambda space: None).startswith("the model space has no SPLINE")
@@ -175,10 +209,51 @@ class TestDrawingsRefused:
             for end in ((10, 0), (0, 10), (-10, 0)):
                 space.add_line((0, 0), end)
 
-        assert self.refusal(drawing, add) == "3 ends meet at (0, 0, 0); a chain has two at every joint"
+        message = self.refusal(drawing, add)
+        assert message.startswith("3 ends meet at (0, 0, 0), of LINE #")
+        assert message.endswith("; a chain has two at every joint: delete what does not belong to it")
+
+    def test_a_line_drawn_twice_is_named(self, drawing):
+        def add(space):
+            for start, end in (((0, 0), (10, 0)), ((10, 0), (0, 0)), ((10, 0), (20, 5))):
+                space.add_line(start, end)
+
+        message = self.refusal(drawing, add)
+        assert re.search(
+            r"LINE #(\w+) and LINE #(\w+) have both ends in common, delete one if it is drawn twice", message
+        )
+
+    @pytest.mark.parametrize(
+        ("add", "hint"),
+        [
+            (lambda space: space.add_polyline2d([(0, 0), (5, 0)]), "convert it to LWPOLYLINE"),
+            (lambda space: space.add_ellipse((0, 0), (5, 0), 0.5), "convert it to SPLINE"),
+            (lambda space: space.add_blockref("part", (0, 0)), "explode the block"),
+        ],
+    )
+    def test_what_to_do_with_other_entities(self, drawing, add, hint):
+        assert hint in self.refusal(drawing, add)
+
+    @pytest.mark.parametrize(
+        ("add", "message"),
+        [
+            (lambda space: space.add_line((0, 0), (1e12, 0)), "coordinates must be finite, and lie within 1e\\+09 mm"),
+            (lambda space: space.add_line((0, 0), (float("nan"), 0)), "coordinates must be finite"),
+            (lambda space: space.add_circle((0, 0), -3), "radius = -3.0 must be > 0"),
+            (lambda space: space.add_circle((0, 0), float("inf")), "must be finite"),
+            (
+                lambda space: space.add_lwpolyline([(0, 0, 0, 0, 1e12), (5, 0, 0, 0, 0)]),
+                "vertex 1: bulge = 1e\\+12 makes",
+            ),
+        ],
+    )
+    def test_numbers_of_no_drawing(self, drawing, add, message):
+        assert re.search(message, self.refusal(drawing, add))
 
     def test_a_line_without_length(self, drawing):
-        assert self.refusal(drawing, lambda space: space.add_line((1, 1), (1, 1))).endswith("has length 0")
+        assert self.refusal(drawing, lambda space: space.add_line((1, 1), (1, 1))).endswith(
+            "no entity is longer than 0.001 mm, within which ends join; are the units right?"
+        )
 
     def test_a_spline_without_control_points(self, drawing):
         message = self.refusal(drawing, lambda space: space.add_spline([(0, 0), (1, 1), (2, 0)]))
@@ -298,3 +373,42 @@ def test_load_curve_reads_both(tmp_path):
     (tmp_path / "a.csv").write_text("0,0\n1,2\n4,4\n")
     assert load_curve(tmp_path / "a.dxf", scale=2.0).length == pytest.approx(12 * np.pi, rel=1e-9)
     assert load_curve(str(tmp_path / "a.csv")).control_points[-1].tolist() == pytest.approx([4, 4])
+
+
+@pytest.mark.parametrize(
+    ("row", "text", "message"),
+    [
+        (20, "1_0,2", "must be 2 or 3 numbers"),
+        (20, "\u0661,2", "must be 2 or 3 numbers"),
+        (20, "1e300,2", "coordinates must lie within 1e+09 mm of 0"),
+        (20, '"1,2', "numbers|quote"),
+        (20, "\x00,2", "numbers|NUL"),
+    ],
+)
+def test_points_that_are_none_are_refused(tmp_path, row, text, message):
+    lines = [f"{k},{0.1 * k**2}" for k in range(40)]
+    lines[row - 1] = text
+    path = tmp_path / "points.csv"
+    path.write_text("\n".join(lines) + "\n")
+    with pytest.raises(CurveError) as caught:
+        read_points(path, 0.01)
+    assert any(part in str(caught.value) for part in message.split("|"))
+
+
+def test_a_point_far_from_all_others_is_named_or_passed_within_tolerance(tmp_path):
+    for far in 10.0 ** np.arange(2, 10):
+        lines = [f"{k},{0.1 * k**2}" for k in range(40)]
+        lines[24] = f"{far!r},3"
+        path = tmp_path / "points.csv"
+        path.write_text("\n".join(lines) + "\n")
+        try:
+            curve = read_points(path, 0.01)
+        except CurveError:
+            continue
+        assert curve.deviation <= 0.01
+
+
+def test_points_nearer_than_the_digits_of_the_parameter_are_one(tmp_path):
+    path = tmp_path / "points.csv"
+    path.write_text("0,0\n10,0\n10,1e-14\n20,5\n30,5\n")
+    assert read_points(path, 1e-3).length == pytest.approx(31.3, abs=0.5)

@@ -2,16 +2,18 @@
 
 import shutil
 import subprocess
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from interp import replay
-from planner import Limits, load_curve, plan_feedrate
-from planner.errors import InputError
+from planner import Limits, check, load_curve, plan_feedrate
+from planner.errors import BrokenLimitError, InputError
 from planner.geometry.nurbs import NurbsCurve
 from planner.ngc import write_ngc
+from planner.profile import make_profile
 from planner.programs.reader import read_program
 
 DEGREES = 180.0 / np.pi
@@ -128,11 +130,36 @@ class TestOfAProfile:
         assert many.blocks > 5 * few.blocks
 
 
+class TestOfBrokenPlans:
+    """A machine would run what is written: no program of a plan that breaks a limit, or that cannot be checked."""
+
+    def test_a_plan_too_fast_is_not_written(self, tmp_path, planned):
+        curve, profile = planned
+        nodes = (profile.t / 1.01, profile.u, profile.u_rate * 1.01, profile.u_acceleration * 1.01**2)
+        fast = make_profile(curve, profile.limits, nodes, method="fast")
+        path = tmp_path / "a.ngc"
+        with pytest.raises(
+            BrokenLimitError, match=r"a\.ngc: not written: the plan BREAKS ITS LIMITS: .* checks fail, the worst"
+        ):
+            write_ngc(path, curve, fast, tolerance=0.01)
+        with pytest.raises(BrokenLimitError):
+            write_ngc(path, curve, fast, tolerance=0.01, report=check(curve, profile.limits, fast))
+        assert list(tmp_path.iterdir()) == []
+
+    def test_a_plan_without_limits_needs_a_report(self, tmp_path, planned):
+        curve, profile = planned
+        for plan in (replay(curve, profile), replace(profile, limits=None)):
+            with pytest.raises(InputError, match="the plan does not say its limits; give report"):
+                write_ngc(tmp_path / "a.ngc", curve, plan, tolerance=0.01)
+        assert list(tmp_path.iterdir()) == []
+
+
 class TestOfSamples:
     def test_one_block_a_period(self, tmp_path, planned):
         curve, profile = planned
         samples = replay(curve, profile)
-        written = write_ngc(tmp_path / "a.ngc", curve, samples, tolerance=0.01)
+        report = check(curve, profile.limits, samples)
+        written = write_ngc(tmp_path / "a.ngc", curve, samples, tolerance=0.01, report=report)
         program = read_program(tmp_path / "a.ngc")
         assert written.blocks == len(program)
         assert samples.t.size - 10 <= len(program) <= samples.t.size - 1  # those at rest are one
@@ -143,7 +170,8 @@ class TestOfSamples:
     def test_their_distance_is_measured(self, tmp_path, planned):
         curve, profile = planned
         samples = replay(curve, profile, 0.02)
-        written = write_ngc(tmp_path / "a.ngc", curve, samples, tolerance=0.01)
+        report = check(curve, profile.limits, samples)
+        written = write_ngc(tmp_path / "a.ngc", curve, samples, tolerance=0.01, report=report)
         on_curve = curve.derivatives(np.linspace(*curve.domain, 20001), 0)[0]
         measured = distance_to_polyline(on_curve, samples.position[np.append(True, np.diff(samples.u) > 0)]).max()
         assert written.deviation == pytest.approx(measured, rel=0.05)

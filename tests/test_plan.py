@@ -393,9 +393,11 @@ def test_a_closed_path_with_a_corner_cannot_be_periodic() -> None:
         plan_feedrate(square, plane(), periodic=True)
 
 
-def test_a_periodic_plan_needs_a_jerk_limit() -> None:
-    with pytest.raises(InputError, match="needs a jerk limit"):
-        plan_feedrate(load_curve("circle"), plane(jerk=[np.inf] * 2), periodic=True)
+def test_a_periodic_plan_needs_no_jerk_limit() -> None:
+    curve, limits = load_curve("circle"), plane(jerk=[np.inf] * 2)
+    profile = plan_feedrate(curve, limits, periodic=True)
+    assert check(curve, limits, profile).ok
+    assert profile.duration == pytest.approx(curve.length / limits.feed, rel=1e-5)
 
 
 @pytest.mark.parametrize("end", [1e-5, 1e-3, 1e-2, 0.1, 1.0])

@@ -13,7 +13,6 @@ from program_blocks import line, polyline, program, rapid
 
 from planner import InputError, Limits, load_curve, plan_feedrate
 from planner.profile import make_profile
-from planner.programs.lookahead import plan_without_jerk
 from planner.programs.path import program_path
 from planner.programs.reader import read_program
 from planner.programs.times import KINDS, line_times, times_at, write_line_times
@@ -38,7 +37,7 @@ def of_file(name):
 @cache
 def without_jerk(name):
     source, path, _, _ = of_file(name)
-    profile = plan_without_jerk(path.curve, LIMITS.for_curve(path.curve), path.intervals)
+    profile = plan_feedrate(path.curve, LIMITS.for_curve(path.curve).without_jerk(), intervals=path.intervals)
     return source, path, profile, line_times(source, path, profile)
 
 
@@ -203,18 +202,32 @@ def test_the_file_holds_every_line(tmp_path):
     times = of_file("slots")[3]
     without = without_jerk("slots")[3]
     file = tmp_path / "lines.csv"
-    write_line_times(file, times, "slots.ngc", without_jerk=without)
+    write_line_times(file, times, "slots.ngc", "every limit holds", without_jerk=without)
     words = {"kind": KINDS, "held_back_by": times.limit_names}
     with reading(file, "feedplan-lines 1", ("rows", "seconds")) as found:
         assert float(found.header["seconds"]) == times.moving
+        assert found.header["verdict"] == "every limit holds"
         assert float(found.header["without_jerk_limit_s"]) == without.moving
         columns = found.columns(
-            ["line", "kind", "length_mm", "seconds", "held_back_by", "share", "dwell_s", "without_jerk_limit_s"], words
+            [
+                "line",
+                "kind",
+                "length_mm",
+                "seconds",
+                "held_back_by",
+                "share",
+                "dwell_s",
+                "tool_changes",
+                "u_start",
+                "u_end",
+                "without_jerk_limit_s",
+            ],
+            words,
         )
     for name, values in (("line", times.line), ("seconds", times.seconds), ("held_back_by", times.binding)):
         assert columns[name].tolist() == values.tolist()
     assert columns["without_jerk_limit_s"].tolist() == without.seconds.tolist()
-    write_line_times(tmp_path / "lines.npz", times, "slots.ngc")
+    write_line_times(tmp_path / "lines.npz", times, "slots.ngc", "every limit holds")
     with np.load(tmp_path / "lines.npz") as arrays:
         assert arrays["line"].tolist() == times.line.tolist()
         assert arrays["seconds"].tolist() == times.seconds.tolist()
@@ -226,7 +239,7 @@ class TestWithoutJerk:
         """40 mm at 100 mm/s: s/v + v/a; 4 mm does not reach the feed: 2 sqrt(s/a)."""
         source = replace(polyline([[0, 0], [40, 0], [40, 4]]), stop_after=np.array([True, True]))
         path = program_path(source, 0.01, LIMITS)
-        profile = plan_without_jerk(path.curve, LIMITS.for_curve(path.curve), 2000)
+        profile = plan_feedrate(path.curve, LIMITS.for_curve(path.curve).without_jerk(), intervals=2000)
         times = line_times(source, path, profile)
         assert times.seconds == pytest.approx([40 / 100 + 100 / 1000, 2 * math.sqrt(4 / 1000)], rel=2e-3)
         assert profile.lower_bound == profile.duration
@@ -234,7 +247,7 @@ class TestWithoutJerk:
     def test_a_path_with_corners_on_a_finer_grid(self):
         path, profile = without_jerk("zigzag")[1:3]
         limits = LIMITS.for_curve(path.curve)
-        finer = plan_without_jerk(path.curve, limits, 4 * path.intervals)
+        finer = plan_feedrate(path.curve, limits.without_jerk(), intervals=4 * path.intervals)
         assert profile.duration == pytest.approx(finer.duration, rel=5e-3)
 
     def test_no_path_takes_longer_without(self):
@@ -244,7 +257,7 @@ class TestWithoutJerk:
     def test_axes_must_match(self):
         path = of_file("slots")[1]
         with pytest.raises(InputError, match="axes"):
-            plan_without_jerk(path.curve, LIMITS)
+            plan_feedrate(path.curve, LIMITS.without_jerk())
 
 
 def test_moves_in_space():

@@ -82,11 +82,12 @@ def _commanded(curve: Curve, limits: Limits, parts: Multipliers) -> FloatArray:
     """Feed commanded on each interval, (M,); where the command changes within one, the larger."""
     if curve.feed_caps is None:
         return np.full(parts.h.size, limits.feed)
-    edges, feed = curve.feed_caps.edges, curve.feed_caps.feed
+    edges, own = curve.feed_caps.edges, curve.feed_caps.feed
+    feed = np.where(np.isinf(own), limits.rapid, np.minimum(limits.feed, own))  # a cap of inf is a rapid's
     first = np.clip(np.searchsorted(edges, parts.u[0], side="right") - 1, 0, feed.size - 1)
     last = np.clip(np.searchsorted(edges, parts.u[1], side="left"), first + 1, feed.size)
     largest = np.maximum.reduceat(np.append(feed, 0.0), np.stack([first, last], axis=1).reshape(-1))[::2]
-    return np.minimum(limits.feed, largest)
+    return np.asarray(largest)
 
 
 def _chord_feed(kappa: FloatArray, limits: Limits) -> FloatArray:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from planner.check.chords import profile_chord
-from planner.check.motion import Motion, TimeLaw, norm
+from planner.check.columns import Nodes
+from planner.check.motion import Motion, TimeLaw
 from planner.check.report import Report, Rows
-from planner.check.scan import programmed_feed, scan_spans, worst_of
+from planner.check.scan import feed_under, machine_caps, scan_spans, worst_of
 from planner.check.sizes import ON_KNOT, VELOCITY_STEP, extent, position_rounding
 from planner.check.steps import check_corners, check_steps
 from planner.errors import InputError
@@ -15,12 +16,12 @@ from planner.geometry.curve import Curve
 from planner.limits import Limits
 from planner.profile import FeedrateProfile
 
-_COLUMN_TOLERANCE = 1e-9
+_COLUMNS = ("t", "u", "u_rate", "u_acceleration", "s", "feed", "acceleration", "jerk", "binding")
 
 
 def check_profile(curve: Curve, limits: Limits, profile: FeedrateProfile, density: int, rows: Rows) -> Report:
     """Measure a plan in the spans between its nodes and the curve's knots, and where these meet."""
-    if not _check_table(curve, profile, rows):
+    if not _check_table(curve, limits, profile, rows):
         return Report(tuple(rows.rows), np.nan, np.nan, np.nan, np.nan)
     motion = Motion.of(curve, TimeLaw.of(profile))
     scan = scan_spans(motion, density)
@@ -30,12 +31,14 @@ def check_profile(curve: Curve, limits: Limits, profile: FeedrateProfile, densit
     for name, j, worst, slack, place in worst_of(motion, scan, density):
         if j >= 0:
             rows.add(name, worst, getattr(limits, name)[j], place, slack=slack, j=j)
+        elif name == "feed" and curve.feed_caps is not None:
+            rows.add(name, *feed_under(motion, machine_caps(curve.feed_caps, limits), density), slack=slack)
         elif name == "reversal":
             rows.add(name, worst, 0.0, place, slack=slack + turning_back)
         else:
             rows.add(name, worst, getattr(limits, name.replace(" ", "_")), place, slack=slack)
     if curve.feed_caps is not None:
-        rows.add("programmed feed", *programmed_feed(motion, density))
+        rows.add("programmed feed", *feed_under(motion, curve.feed_caps, density))
     worst, place = profile_chord(motion, limits.period)
     rounding = position_rounding(curve, np.clip(profile.u, *curve.domain))
     rows.add("chord error", worst, limits.chord_error, place, slack=rounding)
@@ -45,9 +48,9 @@ def check_profile(curve: Curve, limits: Limits, profile: FeedrateProfile, densit
     return Report(tuple(rows.rows + table), *(float(value) for value in ends.reshape(-1)))
 
 
-def _check_table(curve: Curve, profile: FeedrateProfile, rows: Rows) -> bool:
+def _check_table(curve: Curve, limits: Limits, profile: FeedrateProfile, rows: Rows) -> bool:
     """Check that the table is a time law over the whole curve; False where it cannot be evaluated at all."""
-    columns = {name: getattr(profile, name) for name in ("t", "u", "u_rate", "u_acceleration", "s", "feed")}
+    columns = {name: getattr(profile, name) for name in _COLUMNS}
     t, u = profile.t, profile.u
     if t.ndim != 1 or t.size < 2 or any(column.shape != t.shape for column in columns.values()):
         shapes = ", ".join(f"{name} {column.shape}" for name, column in columns.items())
@@ -73,11 +76,11 @@ def _check_table(curve: Curve, profile: FeedrateProfile, rows: Rows) -> bool:
     jump = np.where(np.diff(t) == 0.0, np.abs(np.diff(u)), 0.0)
     at = int(np.argmax(jump))
     rows.add("position step", jump[at] * per_u, 0.0, (t[at], u[at]), slack=slack)
-    inside = np.clip(u, u0, u1)
-    speed = [norm(curve.tip.derivatives(inside, 1, side=side)[1]) for side in ("left", "right")]
-    feed = np.min([np.abs(v * profile.u_rate - profile.feed) for v in speed], axis=0)
-    length = np.abs(curve.arclength.s(inside) - profile.s) / extent(curve)
-    off = np.maximum(length, feed / max(float(np.abs(profile.feed).max()), 1e-300))
+    nodes = Nodes.of(curve, profile)
+    off = np.max([column.used for column in nodes.columns()], axis=0)
     at = int(np.argmax(off))
-    rows.add("table columns", off[at], _COLUMN_TOLERANCE, (t[at], u[at]))
+    rows.add("table columns", off[at], 1.0, (t[at], u[at]))
+    wrong = nodes.misnamed(profile.limits or limits)
+    at = int(wrong[0]) if wrong.size else 0
+    rows.add("binding limit", wrong.size, 0.0, (t[at], u[at]))
     return True

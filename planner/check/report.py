@@ -9,6 +9,8 @@ import numpy as np
 from planner.errors import InputError
 from planner.geometry.curve import Curve
 
+HOLDS, BREAKS = "every limit holds", "BREAKS ITS LIMITS"
+
 Place = tuple[float, float]  # (t, u)
 
 # Unit of each row; of a row about an axis, what follows the axis' own unit.
@@ -30,6 +32,7 @@ _UNITS = {
     "path error": "",
     "position step": "mm",
     "table columns": "",
+    "binding limit": "",
     "finite values": "",
     "time order": "s",
     "sample times": "s",
@@ -47,7 +50,8 @@ class Row:
         "tangential acceleration", "tangential jerk",
         "velocity step", "acceleration step", "jerk at a curvature break", "exact stop",
         "acceleration at an exact stop"; or what makes the plan one at all: "reversal", "path start", "path end",
-        "path error", "position step", "table columns", "finite values", "time order", "sample times".
+        "path error", "position step", "table columns" (largest error over what rounding grants), "binding limit" (nodes
+        that name another limit than the one used most), "finite values", "time order", "sample times".
     axis : str
         Name of the axis; empty where the row is not about one.
     worst, allowed : float
@@ -105,6 +109,18 @@ class Report:
     def violations(self) -> tuple[Row, ...]:
         """The rows that do not hold."""
         return tuple(row for row in self.rows if not row.ok)
+
+    def summary(self) -> str:
+        """One line for the head of a file: every limit holds, or which breaks most."""
+        broken = self.violations
+        if not broken:
+            return HOLDS
+        worst = max(broken, key=lambda row: row.ratio)
+        name = f"{worst.limit} {worst.axis}".strip()
+        return (
+            f"{BREAKS}: {len(broken)} of {len(self.rows)} checks fail, the worst is {name}, {worst.worst:.6g} of "
+            f"{worst.allowed:.6g} {worst.unit} at t = {worst.t:.6g} s".replace("  ", " ")
+        )
 
     def row(self, limit: str, axis: str = "") -> Row:
         """Return the row of a limit and an axis; raises InputError where there is none."""

@@ -10,9 +10,10 @@ from planner.check.chords import sample_chord
 from planner.check.motion import norm
 from planner.check.quantities import AXIS_RATES
 from planner.check.report import Place, Report, Rows
+from planner.check.scan import machine_caps
 from planner.check.sizes import EPS, extent, group_sizes, position_rounding
 from planner.errors import InputError
-from planner.geometry.curve import Curve, FloatArray
+from planner.geometry.curve import Curve, FeedCaps, FloatArray
 from planner.limits import Limits
 from planner.profile import Samples
 
@@ -33,16 +34,13 @@ def check_samples(curve: Curve, limits: Limits, samples: Samples, density: int, 
     feeds = norm(np.diff(tip, axis=0)) / period
     tip_rounding = position_rounding(curve, u)
     k = int(feeds.argmax())
-    rows.add("feed", feeds[k], limits.feed, _middle(samples, k + 0.5), slack=2.0 * tip_rounding / period)
-    if curve.feed_caps is not None:
-        # Between two samples the path may lie under several caps; the mean feed is below the highest of them.
-        edges, cap = curve.feed_caps.edges, curve.feed_caps.feed
-        first = np.clip(np.searchsorted(edges, u[:-1], side="right") - 1, 0, cap.size - 1)
-        last = np.clip(np.searchsorted(edges, u[1:], side="left") - 1, first, cap.size - 1)
-        bounds = np.stack([first, last + 1], axis=1).reshape(-1)
-        highest = np.maximum.reduceat(np.append(cap, 0.0), bounds)[::2]
-        k = int((feeds / highest).argmax())
-        rows.add("programmed feed", feeds[k], highest[k], _middle(samples, k + 0.5), slack=2.0 * tip_rounding / period)
+    if curve.feed_caps is None:
+        rows.add("feed", feeds[k], limits.feed, _middle(samples, k + 0.5), slack=2.0 * tip_rounding / period)
+    else:
+        for name, caps in (("feed", machine_caps(curve.feed_caps, limits)), ("programmed feed", curve.feed_caps)):
+            highest = _highest_caps(caps, u)
+            k = int((feeds / highest).argmax())
+            rows.add(name, feeds[k], highest[k], _middle(samples, k + 0.5), slack=2.0 * tip_rounding / period)
     worst, place = sample_chord(curve, samples, u, density)
     rows.add("chord error", worst, limits.chord_error, place, slack=tip_rounding)
     # A position is known to half its last digit, its evaluation to about as much, and u moves it by |C_u| times half of
@@ -72,6 +70,15 @@ def check_samples(curve: Curve, limits: Limits, samples: Samples, density: int, 
     change = np.diff(feeds) / period if feeds.size > 1 else np.zeros(1)
     ends = (feeds[0], feeds[-1], change[0], change[-1])
     return Report(tuple(rows.rows + table), *(float(value) for value in ends))
+
+
+def _highest_caps(caps: FeedCaps, u: FloatArray) -> FloatArray:
+    """Highest of the caps between each two samples: their mean feed is below it."""
+    edges, cap = caps.edges, caps.feed
+    first = np.clip(np.searchsorted(edges, u[:-1], side="right") - 1, 0, cap.size - 1)
+    last = np.clip(np.searchsorted(edges, u[1:], side="left") - 1, first, cap.size - 1)
+    bounds = np.stack([first, last + 1], axis=1).reshape(-1)
+    return np.asarray(np.maximum.reduceat(np.append(cap, 0.0), bounds)[::2])
 
 
 def _held(samples: Samples, values: FloatArray) -> tuple[FloatArray, int]:

@@ -11,7 +11,8 @@ from planner.check.motion import Motion
 from planner.check.peaks import Highest, IntArray, chunks, zoom
 from planner.check.quantities import axis_rows, names, sizes_of
 from planner.check.report import Place
-from planner.geometry.curve import FloatArray
+from planner.geometry.curve import FeedCaps, FloatArray
+from planner.limits import Limits
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,14 +88,19 @@ def _used(sizes: FloatArray, slack: FloatArray) -> FloatArray:
         return np.asarray(sizes - slack)
 
 
-def programmed_feed(motion: Motion, density: int) -> tuple[float, float, tuple[float, float]]:
-    """Feed that uses most of what the curve's own caps command: value, cap and place."""
-    caps, worst = motion.curve.feed_caps, (0.0, np.inf, (0.0, 0.0))
+def machine_caps(programmed: FeedCaps, limits: Limits) -> FeedCaps:
+    """What the machine allows on the stretches of a program: its rapid where the program commands no feed."""
+    return FeedCaps(programmed.edges, np.where(np.isinf(programmed.feed), limits.rapid, limits.feed))
+
+
+def feed_under(motion: Motion, caps: FeedCaps, density: int) -> tuple[float, float, tuple[float, float]]:
+    """Feed that uses most of what caps allow: value, cap and place."""
+    worst = (0.0, np.inf, (0.0, 0.0))
     for span in chunks(motion.interval.size, density):
         x = motion.grid(span, density)
         feeds, u = motion.feed(span, x), motion.parameter(span, x)
         # A span ends at the knots of the path; on a step of the cap it has the cap of its own side.
-        cap = caps.at(u, u >= motion.u_ends[1, span, None]) if caps is not None else np.full(u.shape, np.inf)
+        cap = caps.at(u, u >= motion.u_ends[1, span, None])
         k = np.unravel_index(int((feeds / cap).argmax()), feeds.shape)
         if feeds[k] / cap[k] > worst[0] / worst[1]:
             worst = (float(feeds[k]), float(cap[k]), (float(motion.time(span, x[:, k[1]])[k[0]]), float(u[k])))

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 import typer
 
 from planner import __version__
-from planner.errors import FeedrateError, InputError
+from planner.errors import BrokenLimitError, FeedrateError, InputError
 from planner.output import require_writable
 
 if TYPE_CHECKING:
@@ -126,6 +126,8 @@ def exits() -> Iterator[None]:
         if interrupted:
             raise typer.Exit(INTERRUPTED) from None
         typer.echo(f"error: {error}", err=True)
+        if isinstance(error, BrokenLimitError):
+            raise typer.Exit(BROKEN) from None
         raise typer.Exit(BAD_INPUT if isinstance(error, InputError) else NO_PLAN) from None
     finally:
         signal.signal(signal.SIGINT, previous)

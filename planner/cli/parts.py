@@ -185,7 +185,7 @@ class _Plain:
 def _load_plain(source: str, scale: float, tolerance: float | None, share: float) -> _Plain:
     """Load a curve that is no part program; the points of a CSV file are fitted within the path's tolerance."""
     from planner import load_curve
-    from planner.geometry.drawing import FittedCurve, read_points
+    from planner.geometry.points import FittedCurve, read_points
 
     if Path(source).suffix.lower() != ".csv":
         if tolerance is not None and share == 1.0:
@@ -241,25 +241,13 @@ def _widened(limits: Limits, axes: tuple[str, ...]) -> Limits:
     """The limits in a table are those of the axes that move; an axis that only has words needs none that counts."""
     import numpy as np
 
-    from planner import Limits
-
     resting = tuple(axis for axis in axes if axis not in limits.axes)
     if not resting:
         return limits
     velocity, acceleration, jerk = (
         np.append(getattr(limits, name), np.full(len(resting), np.inf)) for name in ("velocity", "acceleration", "jerk")
     )
-    return Limits(
-        limits.feed,
-        velocity,
-        acceleration,
-        jerk,
-        chord_error=limits.chord_error,
-        period=limits.period,
-        tangential_acceleration=limits.tangential_acceleration,
-        tangential_jerk=limits.tangential_jerk,
-        axes=(*limits.axes, *resting),
-    )
+    return limits.with_axes((*limits.axes, *resting), velocity=velocity, acceleration=acceleration, jerk=jerk)
 
 
 def _positive(tolerance: float | None) -> float | None:

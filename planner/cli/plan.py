@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from planner.cli.app import (
+    BROKEN,
     AsJson,
     CurveName,
     Machine,
@@ -82,7 +83,8 @@ def plan(
 ) -> None:
     """Plan the feed along a curve, and check the plan.
 
-    The plan and its samples are checked on their own, without a formula of the planner; one verdict is printed.
+    The plan and its samples are checked on their own, without a formula of the planner; one verdict is printed.  Where a
+    limit is broken no --program is written, and every other file says so.
     """
     with exits():
         from planner.certificatefile import read_certificate, write_certificate
@@ -98,7 +100,7 @@ def plan(
         share = 1.0 if program is None else PATH_SHARE
         part = load_part(curve, scale, machine, feed_mm_s, period_s, tolerance_mm, share)
         path, limits = part.curve, part.limits
-        from planner import certify, write_table
+        from planner import SolverError, certify, write_table
         from planner.programs.times import write_line_times
         from planner.progress import ProgressLine, load_kernels
 
@@ -118,34 +120,50 @@ def plan(
             seconds = time.perf_counter() - started
             if method is not Method.toppra:
                 line("bounding the time from below")
-                bound = certify(path, limits, profile)
-                profile = replace(profile, lower_bound=float(bound))
-                if certificate is not None:
-                    line(f"writing {certificate}")
-                    write_certificate(certificate, bound.certificate)
-            if output is not None:
-                line(f"writing {output}")
-                write_table(output, profile, limits)
-            if program is not None:
-                line(f"writing {program}")
-                part.write(program, profile, "feed")
-            if lines is not None:
-                line(f"writing {lines}")
-                write_line_times(lines, part.line_times(profile), curve)
-            files = tuple(str(name) for name in (output, certificate, plot, report, program, lines) if name is not None)
-            verdict = part.judge(profile, line, seconds=seconds, files=files)
+                try:
+                    bound = certify(path, limits, profile)
+                except SolverError as error:
+                    if certificate is not None:
+                        raise
+                    profile = _without_bound(profile, error)
+                else:
+                    profile = replace(profile, lower_bound=float(bound))
+                    if certificate is not None:
+                        line(f"writing {certificate}")
+                        write_certificate(certificate, bound.certificate)
+            verdict = part.judge(profile, line, seconds=seconds)
+            kept = program if verdict.ok else None  # no machine gets a plan that breaks a limit
+            files = tuple(str(name) for name in (output, certificate, plot, report, kept, lines) if name is not None)
+            verdict = replace(verdict, files=files)
             if certificate is not None:
                 verdict = with_proof(verdict, read_certificate(certificate), line)
+            if output is not None:
+                line(f"writing {output}")
+                write_table(output, profile, limits, report=verdict.report)
+            if kept is not None:
+                line(f"writing {kept}")
+                part.write(kept, profile, "feed", report=verdict.report)
+            if lines is not None:
+                line(f"writing {lines}")
+                write_line_times(lines, part.line_times(profile), curve, verdict.report.summary())
             if plot is not None:
                 from planner.plots import plot_plan, save_plot
 
                 line(f"drawing {plot}")
-                save_plot(plot, plot_plan(path, limits, profile, verdict.samples))
+                save_plot(plot, plot_plan(path, limits, profile, verdict.samples, verdict.report))
             if report is not None:
                 from planner.report import write_report
 
                 write_report(report, verdict, lines=part.line_times(profile) if part.program else None, progress=line)
+        if kept != program:
+            typer.echo(f"{program}: not written, since the plan breaks a limit", err=True)
         report_verdict(verdict, as_json)
+
+
+def _without_bound(profile: FeedrateProfile, error: Exception) -> FeedrateProfile:
+    """The plan with no bound and a note that says why: a plan is not lost for want of a bound."""
+    notes = [*profile.stats.get("notes", ()), f"no lower bound: {error}"]
+    return replace(profile, lower_bound=math.nan, stats={**profile.stats, "notes": notes})
 
 
 @app.command(epilog="\b\nExample:\n  feedplan check table.csv butterfly-nurbs --machine mill.toml")
@@ -195,6 +213,7 @@ def replay(
     """Sample a feedrate table once a period.
 
     This is what an interpolator does.  Printed is how far the samples are off the plan and what they use of its limits.
+    Exit code 1: they break a limit; a file of them says so.
     """
     with exits():
         require_outputs(output, None)
@@ -217,10 +236,12 @@ def replay(
             apart = _distance(profile, samples)
             if output is not None:
                 line(f"writing {output}")
-                write_samples(output, path, samples)
+                write_samples(output, path, samples, report)
         from planner.verdict import samples_text
 
         show(samples_text(profile, samples, report, apart, "" if output is None else str(output)))
+        if not report.ok:
+            raise typer.Exit(BROKEN)
 
 
 @app.command(epilog="\b\nExample:\n  feedplan curves")

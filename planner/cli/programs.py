@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from planner.check import Report
-    from planner.limits import Limits
+    from planner.ngc import Mode
     from planner.profile import FeedrateProfile
     from planner.programs.times import LineTimes
 
@@ -53,15 +53,16 @@ def time(
 ) -> None:
     """Tell the time of each line of a part program, and of all.
 
-    Beside it, the time of the same path by a trapezoidal look-ahead, which knows no jerk limit.  Dwells and tool changes
-    count apart.  Exit code 1: the plan breaks a limit.
+    Beside it, the least time of the same path without a jerk limit.  Dwells and tool changes count apart.  Exit code 1:
+    the plan breaks a limit.
     """
     with exits():
         require_program(program, "feedplan time")
         require_outputs(output, None)
         part = load_part(program, 1.0, machine, feed_mm_s, None, tolerance_mm)
+        from dataclasses import replace
+
         from planner.check import check
-        from planner.programs.lookahead import plan_without_jerk
         from planner.programs.times import write_line_times
         from planner.progress import ProgressLine, load_kernels
 
@@ -69,15 +70,17 @@ def time(
         with ProgressLine() as line:
             profile = part.plan(line)
             line("planning without a jerk limit")
-            intervals = None if part.path is None else part.path.intervals
-            limited = _has_jerk_limit(part.limits)
-            plain = plan_without_jerk(part.curve, part.limits, intervals) if limited else profile
+            plain = profile
+            if part.limits.has_jerk:
+                # A plan with a jerk limit is also one without.
+                free = replace(part, limits=part.limits.without_jerk()).plan(line)
+                plain = min(free, profile, key=lambda plan: plan.duration)
             line("checking the plan")
             report = check(part.curve, part.limits, profile)
             times, without = part.line_times(profile), part.line_times(plain)
             if output is not None:
                 line(f"writing {output}")
-                write_line_times(output, times, program, without_jerk=without)
+                write_line_times(output, times, program, report.summary(), without_jerk=without)
         if as_json:
             typer.echo(_times_json(part, program, times, without, report))
         else:
@@ -112,7 +115,8 @@ def ngc(
     """Write the plan of a curve or a part program as a LinuxCNC program.
 
     Short G1 blocks with a feed each.  Of the tolerance the path of a part program takes three quarters, the blocks and
-    their blending by the controller the rest.  Spindle, tools, coolant, dwells and stops keep their places.
+    their blending by the controller the rest.  Spindle, tools, coolant, dwells and stops keep their places.  Exit code 1:
+    the plan or its samples break a limit, and nothing is written.
     """
     with exits():
         require_writable(output)
@@ -128,8 +132,10 @@ def ngc(
         load_kernels()
         with ProgressLine() as line:
             profile = part.plan(line) if table is None else read_table(table, part.curve)
+            verdict = part.judge(profile, line)
             line(f"writing {output}")
-            written = part.write(output, profile, "inverse_time" if inverse_time else "feed", block_time=block_time_s)
+            mode: Mode = "inverse_time" if inverse_time else "feed"
+            written = part.write(output, profile, mode, block_time=block_time_s, report=verdict.report)
         deviation = written.deviation + (0.0 if part.path is None else part.path.deviation.largest)
         facts = {
             "curve": part.curve.name,
@@ -204,7 +210,7 @@ def _times_text(
     if times.changes:
         parts.append(named("tool changes", f"{times.changes}; the program does not say how long they take"))
     parts += [
-        named("jerk limit", _cost(times, without, _has_jerk_limit(part.limits))),
+        named("jerk limit", _cost(times, without, part.limits.has_jerk)),
         named("held back by", held),
         *(named("note", note) for note in part.path.notes),
     ]
@@ -219,18 +225,14 @@ def _times_text(
 
 
 def _cost(times: LineTimes, without: LineTimes, limited: bool) -> str:
-    """What the jerk limit costs against a trapezoidal look-ahead on the same path."""
+    """What the jerk limit costs against the least time of the same path without one."""
     share = _cost_share(times, without)
     if not limited:
-        return "none is set: the times are those of a look-ahead with trapezoids"
+        return "none is set: the times are the least that the accelerations allow"
     return (
-        f"costs {times.moving - without.moving:.4g} s or {100.0 * share:.1f}% of the {without.moving:.6g} s that a "
-        f"look-ahead with trapezoids, without jerk, takes at best on the same path.  {_CORNERS}"
+        f"costs {times.moving - without.moving:.4g} s or {100.0 * share:.1f}% of the {without.moving:.6g} s that the "
+        f"same path takes at best without one.  {_CORNERS}"
     )
-
-
-def _has_jerk_limit(limits: Limits) -> bool:
-    return any(math.isfinite(value) for value in (*limits.jerk, limits.tangential_jerk))
 
 
 def _cost_share(times: LineTimes, without: LineTimes) -> float:

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from planner.constraints import path_at
 from planner.geometry.curve import Curve, FloatArray, curvature, dot
 from planner.grid import Grid
-from planner.limits import Limits, chord_feed_limit
+from planner.limits import Limits, chord_feed_limit, commanded_feed
 from planner.sections import Section, axis_weights
 
 IntArray = NDArray[np.intp]
@@ -200,11 +200,10 @@ class Track:
         tip = q if curve.tip is curve else curve.tip.pieces.evaluate(u, 2, left)
         speed = np.sqrt(dot(tip[1], tip[1]))
         bend = np.divide(dot(tip[1], tip[2]), speed, out=np.zeros_like(speed), where=speed > 0.0)
-        feed = np.full(u.size, limits.feed)
-        if curve.feed_caps is not None:  # that of the cell's middle; where it changes within one, the larger
-            caps = curve.feed_caps
-            lo, hi = caps.at(self.u[0, k]), caps.at(end, True)
-            feed = np.minimum(feed, np.maximum(np.maximum(lo, hi), caps.at(u)))
+        feed = commanded_feed(curve, limits, u)
+        if curve.feed_caps is not None:  # where it changes within a cell, the larger
+            for side in (commanded_feed(curve, limits, self.u[0, k]), commanded_feed(curve, limits, end, True)):
+                feed = np.maximum(feed, side)
         with np.errstate(divide="ignore", invalid="ignore"):
             cap = np.where(speed > 0.0, np.minimum(feed, chord_feed_limit(curvature(tip), limits)) / speed, np.inf)
             cap = np.fmin(cap, np.fmin.reduce(limits.velocity / np.abs(q[1]), axis=1))

@@ -42,7 +42,7 @@ def load_curve(source: str | Path, *, scale: float = 1.0) -> Curve:
         One of :data:`CATALOG`, or the path of a ``.json`` or ``.toml`` file.  In a file the object under ``curve``
         counts (or the file itself, where there is none): ``type`` is ``nurbs``, ``formula`` or ``dual_bspline_5axis``.
         A ``.dxf`` file is read by :func:`~planner.geometry.drawing.read_dxf`, a ``.csv`` file of points by
-        :func:`~planner.geometry.drawing.read_points` within 1 um.
+        :func:`~planner.geometry.points.read_points` within 1 um.
     scale : float
         Multiplies the linear axes.
 
@@ -78,7 +78,8 @@ def load_curve(source: str | Path, *, scale: float = 1.0) -> Curve:
 
 
 def _from_drawing(source: str | Path, kind: str) -> NurbsCurve:
-    from planner.geometry.drawing import read_dxf, read_points
+    from planner.geometry.drawing import read_dxf
+    from planner.geometry.points import read_points
 
     return read_dxf(source) if kind == ".dxf" else read_points(source, _POINTS_TOLERANCE_MM)
 

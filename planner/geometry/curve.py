@@ -116,7 +116,7 @@ class FeedCaps:
     edges : (k + 1,) array
         Curve parameters at which the stretches join, increasing; the first and last are the ends of the curve.
     feed : (k,) array
-        mm/s; inf where nothing is commanded.
+        mm/s; inf on rapids, which have a limit of their own.
     """
 
     edges: FloatArray

@@ -1,37 +1,55 @@
-"""Curves out of drawings (DXF) and out of measured or computed points (CSV).
+"""Curves out of drawings (DXF).
 
 A drawing's lines, arcs and splines are all rational B-splines, so the chain of them is one, exactly: every piece is taken
 apart into Bezier segments, raised to the common degree, and joined with knots as often as the degree; corners then are
 corners, and tangent pieces are smooth.
+
+Ends join within 1 um.  Entities that are no longer than this (slivers, zero-length lines and arcs) are absorbed by the joint
+in which they lie.
 """
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Iterator, Sequence
+import struct
+from collections.abc import Iterator
 from dataclasses import dataclass
 from math import comb
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from planner.errors import CurveError
 from planner.geometry.curve import FloatArray
-from planner.geometry.inputs import positive_number, read_text, shorten
+from planner.geometry.inputs import shorten
 from planner.geometry.nurbs import NurbsCurve
-
-if TYPE_CHECKING:
-    from ezdxf.entities.dxfentity import DXFEntity
 
 # Ends of neighbours lie this close; drawings are written with some 6 to 16 digits.
 _JOIN_MM = 1e-3
 _UNITS = {0: 1.0, 1: 25.4, 2: 304.8, 4: 1.0, 5: 10.0, 6: 1000.0, 13: 1e-3}  # $INSUNITS to mm; 0 is unitless
+_LARGEST = 1e9  # mm, of a coordinate or a radius
+_STRAIGHT = 1e-9  # rad: an arc that turns less is a line, to what a joint counts as smooth
+# A foreign parser of damaged bytes trips over whatever it meets.
+_PARSER_ERRORS = (
+    ArithmeticError,
+    AssertionError,
+    AttributeError,
+    LookupError,
+    OSError,
+    RuntimeError,
+    StopIteration,
+    TypeError,
+    ValueError,
+    struct.error,
+)
 _READ = ("SPLINE", "LINE", "ARC", "CIRCLE", "LWPOLYLINE")
+_OTHERWISE = "delete it, or put the path in a drawing of its own"
+_INSTEAD = {
+    "INSERT": "explode the block",
+    "POLYLINE": "convert it to LWPOLYLINE, or save as R2000 or later",
+    "ELLIPSE": "convert it to SPLINE",
+}
 _LARGEST_ARC = 0.5 * np.pi  # of one Bezier segment: beyond a half turn there is none, below the speed is more even
-_FIT_DEGREE = 5
-_FIT_TRIALS = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,26 +79,6 @@ class _Piece:
         return np.einsum("ji,mic->mjc", matrix, self.points)
 
 
-class FittedCurve(NurbsCurve):
-    """A B-spline through or near given points.
-
-    Attributes
-    ----------
-    deviation : float
-        Largest distance of a given point from the point of the curve that stands for it, mm.
-    row : int
-        Line of the file that point stands in.
-    """
-
-    deviation: float
-    row: int
-
-    def __init__(
-        self, control_points: ArrayLike, knots: ArrayLike, degree: int, axes: Sequence[str], name: str
-    ) -> None:
-        super().__init__(control_points, knots, degree, axes=axes, name=name)
-
-
 def read_dxf(path: str | Path, *, layer: str | None = None) -> NurbsCurve:
     """Read a chain of SPLINE, LINE, ARC, CIRCLE and LWPOLYLINE entities from the model space of a DXF file.
 
@@ -103,74 +101,140 @@ def read_dxf(path: str | Path, *, layer: str | None = None) -> NurbsCurve:
     CurveError
         If the file cannot be read, holds an entity of another type, or more than one chain.
     """
-    from ezdxf.filemanagement import readfile
-    from ezdxf.lldxf.const import DXFError
-
     file = Path(path)
     if not file.is_file():
         raise CurveError(f"{path}: cannot be read (there is no such file)")
-    try:
-        document = readfile(file)
-    except (DXFError, OSError, UnicodeError, ValueError) as problem:
-        raise CurveError(f"{path}: not a valid DXF file ({shorten(str(problem))})") from None
-    code = int(document.header.get("$INSUNITS", 0))
-    if code not in _UNITS:
-        raise CurveError(f"{path}: $INSUNITS = {code} must be one of {', '.join(map(str, _UNITS))} (4 is mm, 1 inch)")
-    pieces: list[_Piece] = []
-    for entity in document.modelspace():
-        if layer is None or entity.dxf.layer == layer:
-            pieces.extend(_pieces_of(entity, _UNITS[code], str(path)))
-    if not pieces:
+    drawn, unit = _drawn(file, layer)
+    if not drawn:
         where = "the model space" if layer is None else f"layer {layer!r}"
         raise CurveError(f"{path}: {where} has no {', '.join(_READ)}")
-    return _joined(_chained(pieces, str(path)), file.stem)
+    pieces = [piece for one in drawn for piece in _pieces_of(one, unit)]
+    long = [piece for piece in pieces if _length(piece) > _JOIN_MM]
+    if not long:
+        raise CurveError(
+            f"{path}: no entity is longer than {_JOIN_MM} mm, within which ends join; are the units right?"
+        )
+    return _joined(_chained(long, str(path)), file.stem)
 
 
-def _pieces_of(entity: DXFEntity, unit: float, where: str) -> Iterator[_Piece]:
-    """The pieces of an entity, in mm and world coordinates."""
-    kind = entity.dxftype()
-    label = f"{where}: {kind} #{entity.dxf.handle}"
-    if kind not in _READ:
-        raise CurveError(f"{label} is not read; a chain of {', '.join(_READ)} is")
+@dataclass(frozen=True)
+class _Drawn:
+    """An entity of a drawing as plain numbers, in the units of the drawing.
+
+    ``rows``: the ends of a line; vertices with bulge of a polyline; control points of a spline; the centre of an arc.
+    ``numbers``: radius, first angle and sweep (rad) of an arc; knots and, behind them, weights of a spline.  ``turn``: the
+    entity's own axes in the world, where they are not the world's.
+    """
+
+    kind: str
+    label: str
+    rows: FloatArray
+    numbers: tuple[float, ...] = ()
+    degree: int = 0
+    closed: bool = False
+    turn: FloatArray | None = None
+
+    def require_sound(self, unit: float) -> _Drawn:
+        """Refuse what is no number, or no number of a drawing."""
+        sizes = np.abs(self.rows[:, :3]) * unit
+        if not (sizes <= _LARGEST).all():
+            raise CurveError(f"{self.label}: its coordinates must be finite, and lie within {_LARGEST:g} mm of 0")
+        if not np.isfinite([*self.numbers, *self.rows[:, 3:].reshape(-1)]).all():
+            raise CurveError(f"{self.label}: its radius, angles, bulges, knots and weights must be finite")
+        if self.kind in ("ARC", "CIRCLE") and not 0.0 < self.numbers[0] * unit <= _LARGEST:
+            raise CurveError(f"{self.label}: radius = {self.numbers[0]!r} must be > 0, and at most {_LARGEST:g} mm")
+        return self
+
+
+def _drawn(file: Path, layer: str | None) -> tuple[list[_Drawn], float]:
+    """The entities of the model space, and the unit of the drawing in mm."""
+    from ezdxf.filemanagement import readfile
+    from ezdxf.lldxf.const import DXFError
+
+    try:
+        document = readfile(file)
+        code = int(document.header.get("$INSUNITS", 0))
+        entities = [entity for entity in document.modelspace() if layer is None or entity.dxf.layer == layer]
+        kinds = [(entity.dxftype(), str(entity.dxf.handle)) for entity in entities]
+    except (DXFError, *_PARSER_ERRORS) as problem:
+        raise CurveError(f"{file}: not a valid DXF file ({shorten(str(problem))})") from None
+    if code not in _UNITS:
+        raise CurveError(f"{file}: $INSUNITS = {code} must be one of {', '.join(map(str, _UNITS))} (4 is mm, 1 inch)")
+    found = []
+    for entity, (kind, handle) in zip(entities, kinds, strict=True):
+        label = f"{file}: {kind} #{handle}"
+        if kind not in _READ:
+            raise CurveError(f"{label} is not read; a chain of {', '.join(_READ)} is: {_INSTEAD.get(kind, _OTHERWISE)}")
+        try:
+            one = _numbers_of(entity, kind, label)
+        except (DXFError, *_PARSER_ERRORS) as problem:
+            raise CurveError(f"{label} cannot be read ({shorten(str(problem))}); the file is damaged") from None
+        if kind == "SPLINE" and not one.rows.size:
+            raise CurveError(f"{label} has fit points only; export it with control points")
+        found.append(one.require_sound(_UNITS[code]))
+    return found, _UNITS[code]
+
+
+def _numbers_of(entity: Any, kind: str, label: str) -> _Drawn:
+    dxf = entity.dxf
     if kind == "LINE":
-        yield _line(unit * _array(entity.dxf.start), unit * _array(entity.dxf.end), label)
-    elif kind == "SPLINE":
-        yield _spline(entity, unit, label)
-    elif kind in ("ARC", "CIRCLE"):
-        first, last = (0.0, 360.0) if kind == "CIRCLE" else (entity.dxf.start_angle, entity.dxf.end_angle)
-        first, sweep = np.radians(first), np.radians((last - first) % 360.0) or 2.0 * np.pi
-        piece = _arc(unit * _array(entity.dxf.center), unit * entity.dxf.radius, first, sweep, label)
-        yield _in_world(entity, piece)
+        return _Drawn(kind, label, np.array([_array(dxf.start), _array(dxf.end)]))
+    if kind == "SPLINE":
+        rows = np.array([_array(point) for point in entity.control_points]).reshape(-1, 3)
+        numbers = [float(number) for number in (*entity.knots, *entity.weights)]
+        return _Drawn(kind, label, rows, tuple(numbers), int(dxf.degree))
+    ocs = entity.ocs()
+    turn = np.array([_array(ocs.to_wcs(axis)) for axis in np.eye(3)]) if ocs.transform else None
+    if kind == "LWPOLYLINE":
+        height = float(dxf.get("elevation", 0.0))
+        rows = np.array([[x, y, height, bulge] for x, y, bulge in entity.get_points("xyb")], dtype=np.float64)
+        return _Drawn(kind, label, rows.reshape(-1, 4), closed=bool(entity.closed), turn=turn)
+    first, last = (0.0, 360.0) if kind == "CIRCLE" else (float(dxf.start_angle), float(dxf.end_angle))
+    sweep = float(np.radians((last - first) % 360.0)) or 2.0 * np.pi
+    centre = _array(dxf.center)[None]
+    return _Drawn(kind, label, centre, (float(dxf.radius), float(np.radians(first)), sweep), turn=turn)
+
+
+def _pieces_of(one: _Drawn, unit: float) -> Iterator[_Piece]:
+    """The pieces of an entity, in mm and world coordinates; those without any length are left out."""
+    rows = one.rows.copy()
+    rows[:, :3] *= unit
+    if one.kind == "LINE":
+        yield from _line(rows[0], rows[1], one.label)
+    elif one.kind == "SPLINE":
+        yield _spline(one, rows)
+    elif one.kind == "LWPOLYLINE":
+        for k in range(len(rows) if one.closed else len(rows) - 1):
+            start, end = rows[k], rows[(k + 1) % len(rows)]
+            for piece in _bulged(start[:3], end[:3], float(start[3]), f"{one.label}, vertex {k + 1}"):
+                yield _in_world(one, piece)
     else:
-        for piece in _polyline(entity, unit, label):
-            yield _in_world(entity, piece)
+        radius, first, sweep = one.numbers
+        yield _in_world(one, _arc(rows[0], unit * radius, first, sweep, one.label))
 
 
 def _array(point: Any) -> FloatArray:
     return np.array([float(c) for c in point], dtype=np.float64)
 
 
-def _in_world(entity: Any, piece: _Piece) -> _Piece:
+def _in_world(one: _Drawn, piece: _Piece) -> _Piece:
     """Turn from the entity's own coordinates, which an extrusion along -Z mirrors."""
-    ocs = entity.ocs()
-    if not ocs.transform:
+    if one.turn is None:
         return piece
-    turn = np.array([_array(ocs.to_wcs(axis)) for axis in np.eye(3)])
     points = piece.points.copy()
-    points[..., :3] = points[..., :3] @ turn
+    points[..., :3] = points[..., :3] @ one.turn
     return _Piece(points, piece.widths, piece.label)
 
 
-def _line(start: FloatArray, end: FloatArray, label: str) -> _Piece:
+def _line(start: FloatArray, end: FloatArray, label: str) -> Iterator[_Piece]:
     length = float(np.linalg.norm(end - start))
-    if not length > 0.0:
-        raise CurveError(f"{label} has length 0")
-    return _Piece(np.array([[[*start, 1.0], [*end, 1.0]]]), np.array([length]), label)
+    if length > 0.0:
+        yield _Piece(np.array([[[*start, 1.0], [*end, 1.0]]]), np.array([length]), label)
 
 
 def _arc(centre: FloatArray, radius: float, first: float, sweep: float, label: str) -> _Piece:
     """A circular arc: equal rational quadratics, with the middle weight cos of half their angle."""
-    count = int(np.ceil(abs(sweep) / _LARGEST_ARC - 1e-9))
+    count = max(1, int(np.ceil(abs(sweep) / _LARGEST_ARC - 1e-9)))
     angles = first + sweep * np.arange(2 * count + 1) / (2 * count)
     weight = np.tile([1.0, np.cos(0.5 * sweep / count)], count + 1)[: angles.size]
     # The middle point lies at radius / weight: times its weight it is at the radius, as the ends are.
@@ -180,39 +244,50 @@ def _arc(centre: FloatArray, radius: float, first: float, sweep: float, label: s
     return _Piece(points[rows], np.full(count, radius * abs(sweep) / count), label)
 
 
-def _polyline(entity: Any, unit: float, label: str) -> Iterator[_Piece]:
-    """Lines, and arcs where the vertex has a bulge, the tangent of a quarter of the arc's angle."""
-    rows = [(unit * x, unit * y, bulge) for x, y, bulge in entity.get_points("xyb")]
-    height = unit * float(entity.dxf.get("elevation", 0.0))
-    for k in range(len(rows) if entity.closed else len(rows) - 1):
-        (x0, y0, bulge), (x1, y1, _) = rows[k], rows[(k + 1) % len(rows)]
-        start, end = np.array([x0, y0, height]), np.array([x1, y1, height])
-        if (start == end).all():
-            continue
-        place = f"{label}, vertex {k + 1}"
-        if bulge == 0.0:
-            yield _line(start, end, place)
-            continue
-        chord = end - start
-        # From the middle of the chord to its left by (1 - b^2)/4b of it lies the centre.
-        centre = 0.5 * (start + end) + (1.0 - bulge**2) / (4.0 * bulge) * np.array([-chord[1], chord[0], 0.0])
-        arm = start - centre
-        yield _arc(
-            centre, float(np.hypot(arm[0], arm[1])), float(np.arctan2(arm[1], arm[0])), 4.0 * np.arctan(bulge), place
-        )
+def _bulged(start: FloatArray, end: FloatArray, bulge: float, label: str) -> Iterator[_Piece]:
+    """A side of a polyline: a line, or an arc where there is a bulge, the tangent of a quarter of its angle.
+
+    The arc is made from its chord c, without the centre, which lies far away for a small bulge.  With the sweep t, the point
+    after an angle a is c sin(a/2) / sin(t/2), turned by (a - t)/2; the middle control points lie on the tangents there.
+    """
+    chord = end - start
+    sweep = 4.0 * np.arctan(bulge)
+    if abs(sweep) < _STRAIGHT or not chord.any():
+        yield from _line(start, end, label)
+        return
+    sine = 2.0 * bulge / (1.0 + bulge**2)  # of half the sweep
+    length = float(np.linalg.norm(chord)) * 0.5 * sweep / sine
+    if not abs(length) <= _LARGEST:
+        raise CurveError(f"{label}: bulge = {bulge:.6g} makes an arc of {abs(length):.3g} mm; at most {_LARGEST:g} mm")
+    count = max(1, int(np.ceil(abs(sweep) / _LARGEST_ARC - 1e-9)))
+    half = 0.5 * sweep / count  # of a segment
+    angle = half * np.arange(2 * count + 1)
+    weight = np.tile([1.0, np.cos(half)], count + 1)[: angle.size]
+    points = start + _turned(chord, 0.5 * (angle - sweep)) * (np.sin(0.5 * angle) / sine)[:, None]
+    points[-1] = end
+    step = np.tan(half) / (2.0 * sine)
+    points[1::2] = points[:-1:2] + step * _turned(chord, angle[:-1:2] - 0.5 * sweep)
+    rows = 2 * np.arange(count)[:, None] + np.arange(3)
+    homogeneous = np.column_stack([points * weight[:, None], weight])
+    yield _Piece(homogeneous[rows], np.full(count, length / count), label)
 
 
-def _spline(entity: Any, unit: float, label: str) -> _Piece:
+def _turned(vector: FloatArray, angle: FloatArray) -> FloatArray:
+    """A vector turned in its plane by angles (n,), (n, 3)."""
+    x, y, z = vector
+    c, s = np.cos(angle), np.sin(angle)
+    return np.stack([c * x - s * y, s * x + c * y, np.full(angle.size, z)], axis=1)
+
+
+def _spline(one: _Drawn, points: FloatArray) -> _Piece:
     """A B-spline as Bezier segments: its power-basis pieces in the basis of Bernstein."""
-    points = np.array([_array(p) for p in entity.control_points])
-    if points.size == 0:
-        raise CurveError(f"{label} has fit points only; export it with control points")
-    weights = list(entity.weights) or None
-    curve = NurbsCurve(unit * points, list(entity.knots), int(entity.dxf.degree), weights, None, label)
+    count = len(points) + one.degree + 1
+    knots, weights = list(one.numbers[:count]), list(one.numbers[count:]) or None
+    curve = NurbsCurve(points, knots, one.degree, weights, None, one.label)
     power = curve.pieces.coefficients
     p = power.shape[2] - 1
     matrix = np.array([[comb(j, i) / comb(p, i) if i <= j else 0.0 for i in range(p + 1)] for j in range(p + 1)])
-    return _Piece(np.einsum("ji,mci->mjc", matrix, power), np.diff(curve.pieces.breaks), label)
+    return _Piece(np.einsum("ji,mci->mjc", matrix, power), np.diff(curve.pieces.breaks), one.label)
 
 
 def _chained(pieces: list[_Piece], where: str) -> list[_Piece]:
@@ -227,8 +302,7 @@ def _chained(pieces: list[_Piece], where: str) -> list[_Piece]:
     partners = [[int(other) for other in near if other != k] for k, near in enumerate(found)]
     crowded = next((k for k, near in enumerate(partners) if len(near) > 1), None)
     if crowded is not None:
-        count = len(partners[crowded]) + 1
-        raise CurveError(f"{where}: {count} ends meet at {_place(points[crowded])}; a chain has two at every joint")
+        raise CurveError(f"{where}: {_crowd(pieces, points, [crowded, *partners[crowded]])}")
     # Begin at a free end, as drawn if there is such a one; a closed chain begins with the first piece.
     free = [k for k, near in enumerate(partners) if not near]
     end = min(free, key=lambda k: (k % 2, k), default=0)
@@ -252,6 +326,19 @@ def _chained(pieces: list[_Piece], where: str) -> list[_Piece]:
             f"ends join within {_JOIN_MM} mm"
         )
     return chain
+
+
+def _crowd(pieces: list[_Piece], points: FloatArray, ends: list[int]) -> str:
+    """Say which entities meet in one place, and which of them are drawn twice."""
+    labels = list(dict.fromkeys(_short(pieces[k // 2]) for k in sorted(ends)))
+    place = f"{len(ends)} ends meet at {_place(points[ends[0]])}, of {', '.join(labels[:6])}"
+    others = [(k // 2, points[k ^ 1]) for k in sorted(ends)]
+    for i, (one, far) in enumerate(others):
+        for other, end in others[i + 1 :]:
+            if one != other and np.linalg.norm(end - far) <= _JOIN_MM:
+                double = f"{_short(pieces[one])} and {_short(pieces[other])} have both ends in common"
+                return f"{place}; a chain has two at every joint: {double}, delete one if it is drawn twice"
+    return f"{place}; a chain has two at every joint: delete what does not belong to it"
 
 
 def _place(point: FloatArray) -> str:
@@ -292,104 +379,3 @@ def _length(piece: _Piece) -> float:
     basis = np.stack([comb(p, i) * w**i * (1.0 - w) ** (p - i) for i in range(p + 1)])
     values = np.einsum("iw,mic->mwc", basis, piece.points)
     return float(np.linalg.norm(np.diff(values[..., :3] / values[..., 3:], axis=1), axis=2).sum())
-
-
-def read_points(path: str | Path, tolerance: float) -> FittedCurve:
-    """Fit a smooth curve to the points of a CSV file.
-
-    A B-spline of degree 5 (its fourth derivative is continuous), smoothed by the least-squares criterion of FITPACK, with
-    the fewest knots of some trials that keep every point within the tolerance; interpolated where none does.
-
-    Parameters
-    ----------
-    path : str or Path
-        Two or three numbers a line, X, Y and Z in mm, parted by commas, semicolons, tabs or spaces; the first line may
-        name the columns.
-    tolerance : float
-        Largest distance of a point from the curve, mm.
-
-    Returns
-    -------
-    FittedCurve
-        With the deviation that was reached.
-
-    Raises
-    ------
-    CurveError
-        If the file cannot be read, or a line is not two or three numbers as the others are.
-
-    References
-    ----------
-    P. Dierckx, Curve and Surface Fitting with Splines, Oxford University Press, 1993.
-    """
-    limit = positive_number(tolerance, "tolerance")
-    points, lines, axes = _read_table(path)
-    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    keep = np.append(True, steps > 0.0)
-    points, lines = points[keep], lines[keep]
-    if points.shape[0] < 2:
-        raise CurveError(f"{path}: {points.shape[0]} different points are too few; a curve needs 2")
-    u = np.append(0.0, np.cumsum(steps[steps > 0.0]))
-    knots, control, degree = _fit(points, u, limit)
-    curve = FittedCurve(control, knots, degree, axes, Path(path).stem)
-    away = np.linalg.norm(curve.derivatives(np.clip(u, *curve.domain), 0)[0] - points, axis=1)
-    worst = int(np.argmax(away))
-    object.__setattr__(curve, "deviation", float(away[worst]))
-    object.__setattr__(curve, "row", int(lines[worst]))
-    return curve
-
-
-def _fit(points: FloatArray, u: FloatArray, tolerance: float) -> tuple[FloatArray, FloatArray, int]:
-    """Knots, control points and degree of a spline within the tolerance of points at the parameters u."""
-    import warnings
-
-    from scipy.interpolate import BSpline, make_interp_spline, splprep
-
-    degree = min(_FIT_DEGREE, points.shape[0] - 1)
-    budget = points.shape[0] * tolerance**2
-    for _ in range(_FIT_TRIALS):
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)  # "s too small": then the deviation tells
-            found = splprep(list(points.T), u=u, k=degree, s=budget)[0]
-        knots, control = np.asarray(found[0]), np.array(found[1]).T
-        if np.linalg.norm(BSpline(knots, control, degree)(u) - points, axis=1).max() <= tolerance:
-            return knots, control, degree
-        budget /= 4.0
-    through = make_interp_spline(u, points, k=degree)
-    return np.asarray(through.t), np.asarray(through.c), degree
-
-
-def _read_table(path: str | Path) -> tuple[FloatArray, FloatArray, tuple[str, ...]]:
-    """Points (n, 2 or 3), their lines in the file, and the names of the axes."""
-    text = read_text(path, CurveError)
-    delimiter = next((c for c in ";,\t" if c in text), " ")
-    rows: list[list[float]] = []
-    lines: list[int] = []
-    names: tuple[str, ...] = ()
-    reader = csv.reader(text.splitlines(), delimiter=delimiter, skipinitialspace=True)
-    for fields in reader:
-        cells = [field.strip() for field in fields if field.strip() or delimiter != " "]
-        if not any(cells) or cells[0].startswith("#"):
-            continue
-        try:
-            row = [float(cell) for cell in cells]
-        except ValueError:
-            head = tuple(cell.split("_")[0].upper() for cell in cells)
-            if rows or names or not 2 <= len(head) <= 3 or head != ("X", "Y", "Z")[: len(head)]:
-                raise CurveError(
-                    f"{path}:{reader.line_num}: {shorten(','.join(cells))} must be 2 or 3 numbers"
-                    + ("" if rows else ", or the names X, Y, Z in the first line")
-                ) from None
-            names = head
-            continue
-        wanted = len(rows[0]) if rows else len(names) or len(row)
-        if len(row) != wanted or not 2 <= len(row) <= 3 or not np.isfinite(row).all():
-            raise CurveError(
-                f"{path}:{reader.line_num}: {shorten(','.join(cells))} must be "
-                f"{wanted if rows or names else '2 or 3'} finite numbers"
-            )
-        rows.append(row)
-        lines.append(reader.line_num)
-    if not rows:
-        raise CurveError(f"{path}: has no points")
-    return np.array(rows), np.array(lines), ("X", "Y", "Z")[: len(rows[0])]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from planner.errors import InputError
 
 _MAX_BYTES = 256 * 1024**2
 _MAX_QUOTATION = 60
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 
 
 def read_text(source: Any, error: type[InputError]) -> str:
@@ -75,6 +77,15 @@ def coordinates(values: ArrayLike, what: str) -> NDArray[np.float64]:
     if array.dtype.kind not in "iuf":
         raise InputError(f"{what} = {shorten(repr(values))} must be a number or an array of numbers")
     return array.astype(np.float64, copy=False)
+
+
+def plain_number(text: str, *, other: tuple[str, ...] = ()) -> float | None:
+    """Read a number as files hold it, in ASCII digits; None where the text is none.
+
+    Python itself also takes ``1_0``, digits of every script, and ``Infinity``.  ``other`` are words that pass, such as
+    ``inf`` or ``nan``.
+    """
+    return float(text) if text in other or _NUMBER.fullmatch(text) else None
 
 
 def positive_number(value: Any, what: str, hint: str = "") -> float:

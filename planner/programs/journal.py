@@ -18,10 +18,12 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.archive import read_arrays
 from planner.errors import InputError
 from planner.output import whole_file
 
 _HEADER = "header"
+_FORMAT = "feedplan windows 2"
 
 
 @dataclass(frozen=True)
@@ -33,47 +35,86 @@ class Journal:
 
     @classmethod
     def beside(cls, output: Path, identity: str, *, resume: bool) -> Journal:
-        """Open the directory of an output; one that belongs to other inputs, or is not wanted, is emptied."""
+        """Open the directory of an output; one whose work is not wanted is emptied.
+
+        Raises InputError if there is one of other inputs, of another version, or damaged: it may be hours of work.
+        """
         journal = cls(output.with_name(output.name + ".windows"), identity)
-        if journal.directory.exists() and not (resume and journal._belongs()):
-            journal.remove()
+        if journal.directory.exists():
+            if not journal.directory.is_dir():
+                raise InputError(
+                    f"{journal.directory}: is not a directory; the work in progress needs one of this name"
+                )
+            if resume:
+                journal.state()
+            else:
+                journal.remove()
         try:
             journal.directory.mkdir(exist_ok=True)
         except OSError as error:
             raise InputError(f"{journal.directory}: cannot be made ({error.strerror or error})") from None
         return journal
 
-    def _belongs(self) -> bool:
-        state = self.state()
-        return state is not None and state[0]["identity"] == self.identity
+    @property
+    def state_path(self) -> Path:
+        """File of the state."""
+        return self.directory / "state.npz"
+
+    def refusal(self, path: Path, reason: str) -> InputError:
+        """What to say of a file of the journal that does not count."""
+        return InputError(
+            f"{path}: {reason}; to begin again, plan with --fresh (resume=False), or delete {self.directory.name}"
+        )
 
     def state(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]] | None:
-        """Header and arrays of the last state, if there is one."""
-        path = self.directory / "state.npz"
-        if not path.is_file():
+        """Header and arrays of the last state, if there is one.
+
+        Raises InputError if it is damaged, of another version, or of other inputs.
+        """
+        path = self.state_path
+        if not path.exists():
             return None
+        arrays = self._arrays(path)
         try:
-            with np.load(path, allow_pickle=False) as file:
-                arrays = {name: file[name] for name in file.files}
-            return json.loads(str(arrays.pop(_HEADER))), arrays
-        except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
-            raise InputError(f"{path}: is damaged ({error}); delete {self.directory.name} to begin again") from None
+            header = json.loads(str(arrays.pop(_HEADER)))
+        except (KeyError, ValueError, RecursionError):
+            raise self.refusal(path, "is damaged (it has no header)") from None
+        if not isinstance(header, dict) or header.get("format") != _FORMAT:
+            raise self.refusal(path, f"is not of this version, which writes {_FORMAT}")
+        if header.get("identity") != self.identity:
+            raise self.refusal(path, "belongs to another program, tolerance or machine")
+        return header, arrays
+
+    def _arrays(self, path: Path) -> dict[str, NDArray[Any]]:
+        try:
+            return read_arrays(path)
+        except InputError as error:
+            raise self.refusal(path, f"is damaged ({str(error).removeprefix(f'{path}: ')})") from None
+
+    def window(self, index: int, names: tuple[str, ...]) -> dict[str, NDArray[Any]]:
+        """The columns of a window; raises InputError if the file is damaged or lacks one."""
+        path = self.window_path(index)
+        arrays = self._arrays(path)
+        missing = next((name for name in names if name not in arrays), None)
+        if missing is not None:
+            raise self.refusal(path, f"is damaged (it has no {missing})")
+        return arrays
 
     def save_state(self, header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
         """Replace the state; floats keep every digit."""
-        words = np.array(json.dumps({**header, "identity": self.identity}))
+        words = np.array(json.dumps({**header, "format": _FORMAT, "identity": self.identity}))
         with whole_file(self.directory / "state.npz") as file:
             np.savez(file, allow_pickle=False, **{_HEADER: words, **arrays})
 
     def save_window(self, index: int, columns: Mapping[str, NDArray[Any]]) -> None:
         """Write the columns of a window."""
-        with whole_file(self._path(index)) as file:
+        with whole_file(self.window_path(index)) as file:
             np.savez(file, allow_pickle=False, **columns)
 
     def column(self, count: int, name: str) -> Iterator[NDArray[Any]]:
         """A column of the first ``count`` windows, one after the other."""
         for index in range(count):
-            with np.load(self._path(index), allow_pickle=False) as file:
+            with np.load(self.window_path(index), allow_pickle=False) as file:
                 yield file[name]
 
     def join(self, output: Path, count: int, names: tuple[str, ...], arrays: Mapping[str, NDArray[Any]]) -> None:
@@ -90,14 +131,15 @@ class Journal:
 
     def remove(self) -> None:
         """Delete the directory with the files of a journal; nothing else is expected in it."""
-        for path in self.directory.glob("*.npz"):
+        for path in (self.state_path, *self.directory.glob("window-*.npz")):
             path.unlink(missing_ok=True)
         for path in self.directory.glob(".feedplan-*.part"):  # of a run that was killed while it wrote
             path.unlink(missing_ok=True)
         if not any(self.directory.iterdir()):
             shutil.rmtree(self.directory)
 
-    def _path(self, index: int) -> Path:
+    def window_path(self, index: int) -> Path:
+        """File of a window."""
         return self.directory / f"window-{index:06d}.npz"
 
 

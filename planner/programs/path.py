@@ -127,7 +127,7 @@ def program_path(program: Program, tolerance: float | None, limits: Limits) -> P
     blocks = Blocks.of(program, tolerance)
     at = [limits.axes.index(axis) for axis in blocks.axes]
     rows = {name: getattr(limits, name)[at] for name in ("velocity", "acceleration", "jerk")}
-    shaped = Limits(limits.feed, **rows, axes=blocks.axes)
+    shaped = Limits(limits.feed, **rows, axes=blocks.axes, rapid=limits.rapid)
     share = 1.0
     for _ in range(_MOST_TRIES):
         built = _build(blocks, shaped, share)

@@ -243,7 +243,9 @@ def largest_share(profile: FeedrateProfile, edges: FloatArray) -> tuple[NDArray[
     return longest, held
 
 
-def write_line_times(path: str | Path, times: LineTimes, source: str, *, without_jerk: LineTimes | None = None) -> None:
+def write_line_times(
+    path: str | Path, times: LineTimes, source: str, verdict: str, *, without_jerk: LineTimes | None = None
+) -> None:
     """Write the lines as CSV or NPZ, a row each.
 
     Parameters
@@ -253,6 +255,8 @@ def write_line_times(path: str | Path, times: LineTimes, source: str, *, without
     times : LineTimes
     source : str
         Name of the program, for the header.
+    verdict : str
+        What the check says of the plan, for the header.
     without_jerk : LineTimes, optional
         The same lines planned without a jerk limit: a column more.
 
@@ -279,6 +283,7 @@ def write_line_times(path: str | Path, times: LineTimes, source: str, *, without
         "format": _FORMAT,
         "units": _UNITS,
         "program": " ".join(source.split()),
+        "verdict": verdict,
         "seconds": repr(times.moving),
         "dwell_s": repr(times.dwelling),
         "tool_changes": str(times.changes),

@@ -156,15 +156,12 @@ class Planner:
 
     def plan(self, state: State) -> Window:
         """Plan the window that begins at a state."""
-        state = self._filled(state)
+        state = self.filled(state)
         queue = state.queue
         assert queue is not None
-        last, ends_at_stop = self._end(state, queue)
+        last, ends_at_stop = self.end_of(state, queue)
         run = queue.pieces(0, last)
-        # Where one cap is the lowest everywhere, it is the feed of the limits, and neither planned nor checked twice.
-        feed = min(self.limits.feed, float(run.feed.max()))
-        curve = run.curve if run.feed.min() >= feed else run.with_caps()
-        limits = self.limits.for_curve(curve).with_feed(feed)
+        curve, limits = self.limited(run)
         edge = last if ends_at_stop else self._reserve_edge(run)
         profile = plan_feedrate(
             curve,
@@ -177,7 +174,17 @@ class Planner:
         report = check(curve, limits, profile)
         return Window(state, run, ends_at_stop, edge, curve, profile, report)
 
-    def _filled(self, state: State) -> State:
+    def limited(self, run: Run) -> tuple[Curve, Limits]:
+        """Curve and limits of a run.
+
+        Where one cap is the lowest everywhere, it is the feed of the limits, and neither planned nor checked twice.
+        Rapids, of which the cap is inf, have a limit of their own.
+        """
+        feed = min(self.limits.feed, float(run.feed.max()))
+        curve = run.curve if feed <= run.feed.min() < np.inf else run.with_caps()
+        return curve, self.limits.for_curve(curve).with_feed(feed)
+
+    def filled(self, state: State) -> State:
         """Add parts of the path until there is enough for a window and what lies ahead of it."""
         while state.cursor is not None:
             queue = state.queue
@@ -215,12 +222,13 @@ class Planner:
     def ahead(self, run: Run) -> float:
         """Length ahead of what is kept of a window, mm: several times stopping and getting up to speed again."""
         limits = self.path.limits
-        feed = min(limits.feed, float(run.feed.max()), float(np.sqrt(np.sum(limits.velocity**2))))
+        commanded = np.where(np.isinf(run.feed), limits.rapid, np.minimum(run.feed, limits.feed))
+        feed = min(float(commanded.max()), float(np.sqrt(np.sum(limits.velocity**2))))
         acceleration, jerk = float(limits.acceleration.min()), float(limits.jerk.min())
         acceleration = min(acceleration, float(np.sqrt(feed * jerk)))
         return _SEVERAL * 2.0 * 0.5 * feed * (feed / acceleration + acceleration / jerk)
 
-    def _end(self, state: State, queue: Run) -> tuple[int, bool]:
+    def end_of(self, state: State, queue: Run) -> tuple[int, bool]:
         """Piece before which the window ends, and whether the path rests there anyway."""
         size = queue.curve.kind.size
         count = np.cumsum(queue.intervals)
@@ -275,13 +283,16 @@ class Planner:
 
     def _after(self, window: Window, edge: int) -> State:
         """The state behind a window that ends at an edge."""
-        state, queue = window.state, window.state.queue
+        at_rest = edge == window.path.curve.kind.size
+        return self.state_after(window.state, window.path, edge, window.profile, at_rest=at_rest)
+
+    @staticmethod
+    def state_after(state: State, path: Run, edge: int, profile: FeedrateProfile, *, at_rest: bool) -> State:
+        """The state behind an edge of a path that was planned from a state."""
+        queue = state.queue
         assert queue is not None
         size = queue.curve.kind.size
-        end = window.path.curve.kind.size
-        node = int(_nodes_at(window.profile, window.path.curve.edges[[edge]])[0])
-        profile = window.profile
-        at_rest = edge == end
+        node = int(_nodes_at(profile, path.curve.edges[[edge]])[0])
         return State(
             queue=queue.pieces(edge, size) if edge < size else None,
             rests=state.rests,
@@ -289,7 +300,7 @@ class Planner:
             feed=0.0 if at_rest else float(profile.feed[node]),
             acceleration=0.0 if at_rest else float(profile.acceleration[node]),
             t=state.t + float(profile.t[node]),
-            u=state.u + float(window.path.curve.edges[edge]),
+            u=state.u + float(path.curve.edges[edge]),
         )
 
     def _kept(self, window: Window, edge: int, *, stopped: bool) -> Kept:
@@ -310,15 +321,6 @@ class Planner:
         columns |= {"row": run.row[:count], "edges": ends, "seconds": np.diff(times)[:count]}
         columns |= {"binding": longest[:count], "held": held[:count]}
         joint = (abs(float(profile.feed[0]) - state.feed), abs(float(profile.acceleration[0]) - state.acceleration))
-        line = self.path.program.line
-        violations = tuple(
-            f"line {line[run.row[min(int(np.searchsorted(run.u, row.u, side='right')) - 1, run.row.size - 1)]]}: "
-            f"{row.limit} {row.axis} {row.worst:.6g} of {row.allowed:.6g} {row.unit}"
-            for row in window.report.violations
-        )
-        notes = state.notes
-        if stopped:
-            notes = (*notes, f"the plan rests after line {line[run.row[-1]]}: no state before it served to go on from")
         return Kept(
             columns=columns,
             t=state.t + float(profile.t[node]),
@@ -330,9 +332,25 @@ class Planner:
             share=state.share,
             deviation=state.deviation,
             deviation_row=state.deviation_row,
-            violations=violations,
-            notes=notes,
+            violations=violations_of(window.report, run, self.path.program.line),
+            notes=self.notes_of(state, run, stopped=stopped),
         )
+
+    def notes_of(self, state: State, run: Run, *, stopped: bool) -> tuple[str, ...]:
+        """What is to be said of a window, whose path is the run."""
+        if not stopped:
+            return state.notes
+        line = self.path.program.line[run.row[-1]]
+        return (*state.notes, f"the plan rests after line {line}: no state before it served to go on from")
+
+
+def violations_of(report: Report, run: Run, line: NDArray[np.int64]) -> tuple[str, ...]:
+    """The limits that do not hold, each with the line of the program."""
+    at = [min(int(np.searchsorted(run.u, row.u, side="right")) - 1, run.row.size - 1) for row in report.violations]
+    return tuple(
+        f"line {line[run.row[k]]}: {row.limit} {row.axis} {row.worst:.6g} of {row.allowed:.6g} {row.unit}"
+        for k, row in zip(at, report.violations, strict=True)
+    )
 
 
 def _nodes_at(profile: FeedrateProfile, u: FloatArray) -> NDArray[np.intp]:

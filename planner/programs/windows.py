@@ -19,33 +19,36 @@
     window is taken with its stop, and said so.
 5.  Every window is checked by :mod:`planner.check` as any plan is; the joints are measured in feed and acceleration.
 
-What a window needs of the past is small; it is on disk (``journal``) after each window, so an interrupted run goes on.
+What a window needs of the past is small; it is on disk (``journal``) after each window, so an interrupted run goes on, once
+what it left has been verified (``restore``).
 """
 
 from __future__ import annotations
 
 import hashlib
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from planner.check.report import BREAKS, HOLDS
 from planner.errors import InputError
 from planner.geometry.inputs import positive_number
 from planner.limits import Limits
 from planner.output import require_writable
+from planner.programs.done import Done
 from planner.programs.journal import Journal
 from planner.programs.parts import PathSource
 from planner.programs.path import moving_axes
 from planner.programs.program import AXES, Program
 from planner.programs.reader import read_program
+from planner.programs.restore import restored
 from planner.programs.times import LineTimes, combined, write_line_times
-from planner.programs.window import Kept, Planner, State
+from planner.programs.window import Planner
 from planner.refine import Progress
 
 _COLUMNS = ("t", "u", "u_rate", "u_acceleration", "feed", "position")
-_FORMAT = "feedplan windows 1"
+_FORMAT = "feedplan windows 2"
 
 
 @dataclass(frozen=True)
@@ -57,8 +60,8 @@ class ProgramPlan:
     table : Path
         NPZ with the nodes of all windows end to end: ``t`` and ``u`` (from the start of each window), ``u_rate``,
         ``u_acceleration``, ``feed`` and ``position``; ``first`` (w + 1,) tells which nodes a window has, ``t_start`` and
-        ``u_start`` (w,) what to add to its t and u; ``axes``.  The last node of a window and the first of the next are
-        the same state.
+        ``u_start`` (w,) what to add to its t and u; ``axes``; ``verdict``, what the check says.  The last node of a window
+        and the first of the next are the same state.
     lines : Path
         The time of every line, as :func:`~planner.programs.times.write_line_times` writes it.
     duration, dwell : float
@@ -134,7 +137,8 @@ def plan_program(
     progress : callable, optional
         Called with a message and the share done (or None).
     resume : bool
-        Go on where an interrupted run of the same program, tolerance and limits to this output ended.
+        Go on where an interrupted run of the same program, tolerance and limits to this output ended; else what such a run
+        left is deleted.
 
     Returns
     -------
@@ -143,7 +147,8 @@ def plan_program(
     Raises
     ------
     InputError, SolverError, InfeasibleError
-        As :func:`~planner.programs.path.program_path` and :func:`~planner.plan.plan_feedrate` do.
+        As :func:`~planner.programs.path.program_path` and :func:`~planner.plan.plan_feedrate` do; and if what an earlier run
+        left is damaged, of another version or of other inputs.
     """
     table = Path(output)
     if table.suffix.lower() != ".npz":
@@ -156,9 +161,11 @@ def plan_program(
     program = source if isinstance(source, Program) else read_program(source)
     built = _path_source(program, limits, tolerance)
     journal = Journal.beside(table, _identity(built, limits), resume=resume)
-    done, state = _begin(journal, built)
-    resumed = done.windows
     planner = Planner(built, limits)
+    if progress is not None:
+        progress("verifying what an earlier run left", None)
+    done, state = restored(journal, planner)
+    resumed = done.windows
     window = None if state is None else planner.plan(state)
     while window is not None:
         if progress is not None:
@@ -170,9 +177,10 @@ def plan_program(
         journal.save_state(header, {} if window is None else window.state.arrays())
     if progress is not None:
         progress(f"writing {table}", None)
-    write_line_times(lines, _line_times(journal, done, program), program.source)
+    verdict = _verdict(done)
+    write_line_times(lines, _line_times(journal, done, program), program.source, verdict)
     starts = np.array(list(journal.column(done.windows, "start")))
-    arrays = {"format": np.array(_FORMAT), "axes": np.array(built.limits.axes)}
+    arrays = {"format": np.array(_FORMAT), "verdict": np.array(verdict), "axes": np.array(built.limits.axes)}
     arrays |= {"t_start": starts[:, 0], "u_start": starts[:, 1]}
     journal.join(table, done.windows, _COLUMNS, arrays)
     journal.remove()
@@ -199,7 +207,7 @@ def _path_source(program: Program, limits: Limits, tolerance: float | None) -> P
         raise InputError(
             "a program is planned in windows only where velocity, acceleration and jerk of every axis that moves are finite"
         )
-    return PathSource(program, moves, tolerance, Limits(limits.feed, **rows, axes=axes))
+    return PathSource(program, moves, tolerance, Limits(limits.feed, **rows, axes=axes, rapid=limits.rapid))
 
 
 def _identity(path: PathSource, limits: Limits) -> str:
@@ -215,61 +223,7 @@ def _identity(path: PathSource, limits: Limits) -> str:
     return digest.hexdigest()
 
 
-@dataclass(frozen=True)
-class _Done:
-    """What the windows so far amount to; ``t`` and ``u`` are where they end."""
-
-    windows: int = 0
-    t: float = 0.0
-    u: float = 0.0
-    stops: int = 0
-    share: float = 0.0
-    deviation: float = 0.0
-    deviation_row: int = 0
-    worst: float = 0.0
-    worst_limit: str = ""
-    joint_feed: float = 0.0
-    joint_acceleration: float = 0.0
-    limit_names: tuple[str, ...] = ()
-    violations: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
-
-    def with_window(self, kept: Kept) -> _Done:
-        """Add a window."""
-        largest = max(kept.report.rows, key=lambda row: row.ratio if np.isfinite(row.ratio) else 0.0)
-        worse, further = largest.ratio > self.worst, kept.deviation > self.deviation
-        return replace(
-            self,
-            windows=self.windows + 1,
-            t=kept.t,
-            u=kept.u,
-            stops=self.stops + kept.stopped,
-            share=max(self.share, kept.share),
-            deviation=kept.deviation if further else self.deviation,
-            deviation_row=kept.deviation_row if further else self.deviation_row,
-            worst=largest.ratio if worse else self.worst,
-            worst_limit=f"{largest.limit} {largest.axis}".strip() if worse else self.worst_limit,
-            joint_feed=max(self.joint_feed, kept.joint[0]),
-            joint_acceleration=max(self.joint_acceleration, kept.joint[1]),
-            limit_names=kept.limit_names,
-            violations=self.violations + kept.violations,
-            notes=self.notes + kept.notes,
-        )
-
-
-def _begin(journal: Journal, path: PathSource) -> tuple[_Done, State | None]:
-    """Where to begin: at the last state of the journal, or at the start of the program."""
-    saved = journal.state()
-    if saved is None:
-        return _Done(), State(None, True, path.start())
-    header, arrays = saved
-    done: dict[str, Any] = {
-        name: tuple(value) if isinstance(value, list) else value for name, value in header["done"].items()
-    }
-    return _Done(**done), None if header["state"] is None else State.of(header["state"], arrays)
-
-
-def _line_times(journal: Journal, done: _Done, program: Program) -> LineTimes:
+def _line_times(journal: Journal, done: Done, program: Program) -> LineTimes:
     """The time of every line; that of one which two windows share is the sum."""
     size = len(program)
     moving = program.lengths > 0.0
@@ -290,7 +244,16 @@ def _line_times(journal: Journal, done: _Done, program: Program) -> LineTimes:
     )
 
 
-def _outcome(done: _Done, program: Program, table: Path, lines: Path, resumed: int) -> ProgramPlan:
+def _verdict(done: Done) -> str:
+    """What the checks of the windows say, for the heads of files."""
+    if done.violations:
+        return f"{BREAKS}: {len(done.violations)} checks fail, the first is {done.violations[0]}"
+    if done.share > 1.0:
+        return f"{BREAKS}: the path leaves its tolerance by {done.share - 1.0:.3g} of it"
+    return HOLDS
+
+
+def _outcome(done: Done, program: Program, table: Path, lines: Path, resumed: int) -> ProgramPlan:
     return ProgramPlan(
         table=table,
         lines=lines,

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from planner.check import Report
 from planner.ngc import Mode, WrittenProgram, write_ngc
 from planner.profile import FeedrateProfile
 from planner.programs.path import ProgramPath
@@ -29,8 +30,9 @@ def write_program(
     tolerance: float,
     mode: Mode = "feed",
     block_time: float = 0.01,
+    report: Report | None = None,
 ) -> WrittenProgram:
-    """Write the plan of a part program as a LinuxCNC program.
+    """Write the plan of a part program as a LinuxCNC program, if the plan breaks no limit.
 
     Parameters
     ----------
@@ -43,7 +45,7 @@ def write_program(
     tolerance : float
         Largest distance between the path and what the controller may make of the blocks, mm; it adds to that between
         the path and the program.
-    mode, block_time
+    mode, block_time, report
         As for :func:`planner.ngc.write_ngc`.
 
     Returns
@@ -54,11 +56,20 @@ def write_program(
     ------
     InputError
         If an option is not allowed or the file cannot be written.
+    BrokenLimitError
+        If the plan breaks a limit.  Then no file is written.
     """
     lines = sorted([*_rests(program, path), *_events(program, path)], key=lambda item: item[:2])
     inserted = [(u, text) for u, _, text in lines]
     return write_ngc(
-        file, path.curve, profile, tolerance=tolerance, mode=mode, block_time=block_time, inserted=inserted
+        file,
+        path.curve,
+        profile,
+        tolerance=tolerance,
+        mode=mode,
+        block_time=block_time,
+        inserted=inserted,
+        report=report,
     )
 
 

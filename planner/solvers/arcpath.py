@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from planner.errors import InputError
 from planner.geometry.curve import Curve, FloatArray, Side, curvature
-from planner.limits import Limits, chord_feed_limit, commanded_feed
+from planner.limits import Limits, chord_feed_limit, commanded_feed, largest_command
 from planner.profile import along_path, quintic_coefficients
 
 Nodes = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
@@ -186,7 +186,21 @@ def describe(curve: Curve, limits: Limits, u_start: float, u_end: float, fastest
     # On a straight path, which is planned to the optimum, every phase is kept.
     shortest = float(np.cbrt(_DIGITS * s1 * np.abs(rows[:, 3]).max() / NOISE)) if curved.any() else 0.0
     both, cruise = np.minimum(both, v), np.minimum(cruise, v)
-    return ArcPath(limits.feed, s, rows, slopes, cap, both, cruise, curved, tops, jumps[jump_feed < v], shortest, s)
+    command = largest_command(curve, limits)
+    return ArcPath(
+        command,
+        s,
+        rows,
+        slopes,
+        cap,
+        both,
+        cruise,
+        curved,
+        tops,
+        jumps[jump_feed < v],
+        shortest,
+        s,
+    )
 
 
 def _cell_ends(u: FloatArray) -> tuple[tuple[FloatArray, Side], tuple[FloatArray, Side]]:
@@ -225,7 +239,7 @@ def _jumps(curve: Curve, limits: Limits, u: FloatArray) -> tuple[FloatArray, Flo
     with np.errstate(divide="ignore"):
         alone = np.sqrt((_STEP_SHARE * limits.jerk * limits.period / step).min(axis=1))
         gain = (limits.acceleration / np.abs(t)).min(axis=1) * window
-        reach = np.minimum(window * np.minimum(alone + gain, limits.feed), curve.length)
+        reach = np.minimum(window * np.minimum(alone + gain, largest_command(curve, limits)), curve.length)
         # Steps within three periods of one another may add up.
         total = np.append(np.zeros((1, step.shape[1])), np.cumsum(step, axis=0), axis=0)
         near = total[np.searchsorted(s, s + reach, side="right")] - total[np.searchsorted(s, s - reach)]

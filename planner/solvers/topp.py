@@ -1,4 +1,4 @@
-"""The time-optimal plan without a jerk limit, by toppra: a lower bound, and what many controllers plan.
+"""The time-optimal plan without a jerk limit by toppra, to compare with; ``accelerations.py`` plans.
 
 toppra works on sigma_dot^2, linear between grid points (constant sigma_ddot), in the section's own coordinate without a
 rest map.  Its result is taken over as it is: nothing is refitted, and the time law is exact where the coordinate is the
@@ -23,7 +23,7 @@ from planner.sections import Section
 _FASTEST = 1e4  # in units of the section over its expected duration; stands for no bound
 
 
-def plan_section(section: Section, limits: Limits, intervals: int) -> tuple[TimeNodes, float, dict[str, Any]]:
+def plan_section(section: Section, limits: Limits, intervals: int) -> tuple[TimeNodes, dict[str, Any]]:
     """Plan one section with acceleration limits only.
 
     Parameters
@@ -37,8 +37,6 @@ def plan_section(section: Section, limits: Limits, intervals: int) -> tuple[Time
     Returns
     -------
     nodes : TimeNodes
-    lower_bound : float
-        Its duration, s: no plan with a jerk limit can be faster (up to toppra's discretisation).
     stats : dict
 
     Raises
@@ -58,6 +56,11 @@ def plan_section(section: Section, limits: Limits, intervals: int) -> tuple[Time
     x = _solve(plain, limits, sigma, u, expected)
     h = np.diff(sigma)
     speed = np.sqrt(x)
+    rests = np.flatnonzero(speed[1:] + speed[:-1] <= 0.0)
+    if rests.size:
+        raise SolverError(
+            f"toppra found no plan: it stands still from u = {u[rests[0]]:.6g} on; the method optimal plans it"
+        )
     t = np.concatenate([[0.0], np.cumsum(2.0 * h / (speed[1:] + speed[:-1]))])
     a = 0.5 * np.diff(x) / h
     # sigma_ddot jumps at every grid point: a double node each
@@ -67,7 +70,7 @@ def plan_section(section: Section, limits: Limits, intervals: int) -> tuple[Time
     acceleration = np.stack([right[2] * x[:-1] + right[1] * a, left[2] * x[1:] + left[1] * a], axis=1)
     nodes = TimeNodes(np.repeat(t, 2)[1:-1], np.repeat(u, 2)[1:-1], rate.reshape(-1), acceleration.reshape(-1))
     stats = {"status": "feasible", "intervals": h.size, "iterations": 1}
-    return nodes, float(t[-1]), stats
+    return nodes, stats
 
 
 def _solve(section: Section, limits: Limits, sigma: FloatArray, u: FloatArray, unit: float) -> FloatArray:
@@ -135,5 +138,5 @@ def _solve(section: Section, limits: Limits, sigma: FloatArray, u: FloatArray, u
                 f"no plan between start_feed = {section.start_feed or 0.0:g} and end_feed = "
                 f"{section.end_feed or 0.0:g} mm/s keeps the acceleration limits: {problem.problem_data.return_code}"
             )
-        raise SolverError(f"toppra found no plan: {problem.problem_data.return_code}")
+        raise SolverError(f"toppra found no plan: {problem.problem_data.return_code.name}; the method optimal plans it")
     return np.asarray((sd * span / unit) ** 2)
