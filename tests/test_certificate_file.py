@@ -8,6 +8,7 @@ import zipfile
 import numpy as np
 import pytest
 from certificates import line_certificate, smooth_certificate
+from table_lines import sealed
 
 from planner import InputError, load_curve, load_limits, plan_feedrate, write_table
 from planner.certificatefile import read_certificate, write_certificate
@@ -263,8 +264,8 @@ class TestCommand:
 
     def test_a_table_that_claims_more(self, run, planned):
         table, source, file, _ = planned
-        lines = table.read_text().replace("lower_bound_s = 0.9", "lower_bound_s = 1.00334")
-        table.write_text(lines)
+        lines = table.read_text().replace("lower_bound_s = 0.9", "lower_bound_s = 1.00334").splitlines(keepends=True)
+        table.write_text("".join(sealed(lines)))
         code, out, _ = run("check", table, source, "--certificate", file)
         assert code == 1
         assert "not the 1.00334 s that the table claims" in out

@@ -12,6 +12,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from motions import plan_along, scurve
+from table_lines import first_row, sealed
 
 from planner import (
     FeedrateProfile,
@@ -30,7 +31,6 @@ from planner import (
 from planner.check.columns import Nodes
 from planner.geometry.nurbs import NurbsCurve
 from planner.profile import make_profile
-from planner.tablefile import digest_of_lines, digest_of_rows
 from planner.tables import write_samples
 
 COLUMNS = ("t", "u", "u_rate", "u_acceleration", "s", "feed", "acceleration", "jerk", "binding")
@@ -59,10 +59,6 @@ def table(tmp_path, plan):
     path = tmp_path / "table.csv"
     write_table(path, plan, LIMITS)
     return path, path.read_text().splitlines(keepends=True)
-
-
-def first_row(lines):
-    return next(i for i, line in enumerate(lines) if not line.startswith("#")) + 1
 
 
 def with_cell(lines, row, column, text):
@@ -350,23 +346,6 @@ class TestDamage:
             read_table(tmp_path / "pickle.npz", CIRCLE)
 
 
-def sealed(lines):
-    """The lines of a table with the seals of what they say: a lie that is not given away by them."""
-    at = first_row(lines)
-    header = dict(
-        line[2:].rstrip("\n").split(" = ", 1) if " = " in line else (line[2:-3], "") for line in lines[: at - 1]
-    )
-    names, rows = lines[at - 1].rstrip("\n").split(","), [line.rstrip("\n").split(",") for line in lines[at:]]
-    words = header["limit_names"].split(", ")
-    columns = []
-    for name, cells in zip(names, zip(*rows, strict=True), strict=True):
-        binding = name == "binding"
-        columns.append(np.array([words.index(c) for c in cells], np.int8) if binding else np.array(cells, np.float64))
-    header["rows_sha256"] = digest_of_rows(columns)
-    header["header_sha256"] = digest_of_lines(header)
-    return [*(f"# {key} = {value}\n" for key, value in header.items()), *lines[at - 1 :]]
-
-
 @pytest.fixture(scope="module")
 def teardrop():
     """A real plan, which has all kinds of limits binding, and its limits."""
@@ -527,10 +506,6 @@ class TestTruth:
         write_table(tmp_path / "t.csv", profile, MILL)
         found = read_table(tmp_path / "t.csv", BENDS)
         assert certify(BENDS, MILL, found) == certify(BENDS, MILL, profile)
-        freed = dataclasses.replace(profile, stats={**profile.stats, "exact_stop": False})
-        assert certify(BENDS, MILL, freed) < 0.99 * certify(BENDS, MILL, profile)
-        for key in ("status", "exact_stop", "periodic", "period", "notes"):
-            assert found.stats[key] == profile.stats[key]
 
     def test_stops_and_ends_that_are_claimed_must_be_there(self, tmp_path):
         plain = plan_feedrate(BENDS, MILL, intervals=400, end_feed=20.0)

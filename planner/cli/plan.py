@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from importlib import resources
 from pathlib import Path
@@ -27,14 +27,17 @@ from planner.cli.app import (
     show,
     with_proof,
 )
-from planner.cli.parts import PATH_SHARE, Tolerance, load_part, load_part_of_table, require_program
+from planner.cli.parts import PATH_SHARE, Part, Tolerance, load_part, load_part_of_table, require_program
 from planner.output import require_writable
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from planner.geometry.curve import Curve
+    from planner.limits import Limits
     from planner.profile import FeedrateProfile, Samples
+    from planner.progress import ProgressLine
+    from planner.verdict import Verdict
 
 _SAMPLES_AT_ONCE = 1_000_000  # bounds the memory that evaluating the plan takes
 
@@ -87,21 +90,11 @@ def plan(
     limit is broken no --program is written, and every other file says so.
     """
     with exits():
-        from planner.certificatefile import read_certificate, write_certificate
-
-        require_outputs(output, plot, report)
-        require_outputs(lines, None)
-        if program is not None:
-            require_writable(program)
-        if lines is not None:
-            require_program(curve, "--lines")
-        if certificate is not None:
-            _require_certifiable(certificate, method)
+        files = Files(output, certificate, plot, report, program, lines)
+        files.require_writable(curve, method)
         share = 1.0 if program is None else PATH_SHARE
         part = load_part(curve, scale, machine, feed_mm_s, period_s, tolerance_mm, share)
         path, limits = part.curve, part.limits
-        from planner import SolverError, certify, write_table
-        from planner.programs.times import write_line_times
         from planner.progress import ProgressLine, load_kernels
 
         load_kernels()
@@ -119,51 +112,100 @@ def plan(
             )
             seconds = time.perf_counter() - started
             if method is not Method.toppra:
-                line("bounding the time from below")
-                try:
-                    bound = certify(path, limits, profile)
-                except SolverError as error:
-                    if certificate is not None:
-                        raise
-                    profile = _without_bound(profile, error)
-                else:
-                    profile = replace(profile, lower_bound=float(bound))
-                    if certificate is not None:
-                        line(f"writing {certificate}")
-                        write_certificate(certificate, bound.certificate)
+                profile = _bounded(path, limits, profile, certificate, line)
             verdict = part.judge(profile, line, seconds=seconds)
-            kept = program if verdict.ok else None  # no machine gets a plan that breaks a limit
-            files = tuple(str(name) for name in (output, certificate, plot, report, kept, lines) if name is not None)
-            verdict = replace(verdict, files=files)
+            if not verdict.ok:  # no machine gets a plan that breaks a limit
+                files = replace(files, program=None)
+            verdict = replace(verdict, files=files.names)
             if certificate is not None:
+                from planner.certificatefile import read_certificate
+
                 verdict = with_proof(verdict, read_certificate(certificate), line)
-            if output is not None:
-                line(f"writing {output}")
-                write_table(output, profile, limits, report=verdict.report)
-            if kept is not None:
-                line(f"writing {kept}")
-                part.write(kept, profile, "feed", report=verdict.report)
-            if lines is not None:
-                line(f"writing {lines}")
-                write_line_times(lines, part.line_times(profile), curve, verdict.report.summary())
-            if plot is not None:
-                from planner.plots import plot_plan, save_plot
-
-                line(f"drawing {plot}")
-                save_plot(plot, plot_plan(path, limits, profile, verdict.samples, verdict.report))
-            if report is not None:
-                from planner.report import write_report
-
-                write_report(report, verdict, lines=part.line_times(profile) if part.program else None, progress=line)
-        if kept != program:
+            files.write(part, verdict, curve, line)
+        if files.program != program:
             typer.echo(f"{program}: not written, since the plan breaks a limit", err=True)
         report_verdict(verdict, as_json)
 
 
-def _without_bound(profile: FeedrateProfile, error: Exception) -> FeedrateProfile:
-    """The plan with no bound and a note that says why: a plan is not lost for want of a bound."""
-    notes = [*profile.stats.get("notes", ()), f"no lower bound: {error}"]
-    return replace(profile, lower_bound=math.nan, stats={**profile.stats, "notes": notes})
+@dataclass(frozen=True)
+class Files:
+    """What the plan command writes; None is not asked for."""
+
+    output: Path | None
+    certificate: Path | None
+    plot: Path | None
+    report: Path | None
+    program: Path | None
+    lines: Path | None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the files, in the order in which the verdict tells them."""
+        every = (self.output, self.certificate, self.plot, self.report, self.program, self.lines)
+        return tuple(str(name) for name in every if name is not None)
+
+    def require_writable(self, curve: str, method: Method) -> None:
+        """Refuse what cannot be written before anything is planned."""
+        require_outputs(self.output, self.plot, self.report)
+        require_outputs(self.lines, None)
+        if self.program is not None:
+            require_writable(self.program)
+        if self.lines is not None:
+            require_program(curve, "--lines")
+        if self.certificate is not None:
+            _require_certifiable(self.certificate, method)
+
+    def write(self, part: Part, verdict: Verdict, source: str, line: ProgressLine) -> None:
+        """Write all but the certificate, each saying so where the plan breaks a limit."""
+        profile, limits, report = verdict.profile, verdict.limits, verdict.report
+        if self.output is not None:
+            from planner import write_table
+
+            line(f"writing {self.output}")
+            write_table(self.output, profile, limits, report=report)
+        if self.program is not None:
+            line(f"writing {self.program}")
+            part.write(self.program, profile, "feed", report=report)
+        if self.lines is not None:
+            from planner.programs.times import write_line_times
+
+            line(f"writing {self.lines}")
+            write_line_times(self.lines, part.line_times(profile), source, report.summary())
+        if self.plot is not None:
+            from planner.plots import plot_plan, save_plot
+
+            line(f"drawing {self.plot}")
+            save_plot(self.plot, plot_plan(part.curve, limits, profile, verdict.samples, report))
+        if self.report is not None:
+            from planner.report import write_report
+
+            lines = part.line_times(profile) if part.program else None
+            write_report(self.report, verdict, lines=lines, progress=line)
+
+
+def _bounded(
+    curve: Curve, limits: Limits, profile: FeedrateProfile, certificate: Path | None, line: ProgressLine
+) -> FeedrateProfile:
+    """The plan with the tight bound, of which the certificate is written if a file is given.
+
+    A plan is not lost for want of a bound: it then has none, and a note says why.
+    """
+    from planner import SolverError, certify
+
+    line("bounding the time from below")
+    try:
+        bound = certify(curve, limits, profile)
+    except SolverError as error:
+        if certificate is not None:
+            raise
+        notes = [*profile.stats.get("notes", ()), f"no lower bound: {error}"]
+        return replace(profile, lower_bound=math.nan, stats={**profile.stats, "notes": notes})
+    if certificate is not None:
+        from planner.certificatefile import write_certificate
+
+        line(f"writing {certificate}")
+        write_certificate(certificate, bound.certificate)
+    return replace(profile, lower_bound=float(bound))
 
 
 @app.command(epilog="\b\nExample:\n  feedplan check table.csv butterfly-nurbs --machine mill.toml")

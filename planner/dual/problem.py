@@ -31,6 +31,8 @@ def best_splines(track: Track, guess: Scan, *, periodic: bool, rounds: int = _RO
     """
     margin = np.ones(track.sigma.size - 1)
     best = _valued(_none(track), periodic)
+    if best[1].jerk.size + best[1].acceleration.size == 0:  # only speeds are limited, and the caps say all
+        return best
     for _ in range(rounds):
         problem, units = problem_of(track, guess, margin, periodic=periodic)
         splines, load = normalised(_splines(track, best_multipliers(problem).theta, units))
