@@ -22,7 +22,8 @@ from planner.geometry.curve import FloatArray
 from planner.geometry.nurbs import NurbsCurve
 from planner.plots import save_plot
 from planner.programs.deviation import deviation
-from planner.programs.path import Blocks, ProgramPath, program_path
+from planner.programs.moves import Blocks
+from planner.programs.path import ProgramPath, program_path
 from planner.programs.program import Program
 from planner.programs.times import times_at
 

@@ -12,7 +12,8 @@ import planner.progress
 from planner import Limits, load_limits, read_program, read_table
 from planner.cli import app
 from planner.programs.deviation import deviation
-from planner.programs.path import Blocks, program_path
+from planner.programs.moves import Blocks
+from planner.programs.path import program_path
 
 PROGRAMS = Path(__file__).parent / "data" / "programs"
 SLOTS = PROGRAMS / "slots.ngc"

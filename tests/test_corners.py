@@ -78,7 +78,7 @@ def test_blend_runs_at_unit_speed_and_joins_lines_with_their_curvature(angle, si
 @given(st.floats(0.36, 2.61), st.floats(1e-4, 0.1))
 def test_vertex_lies_at_the_tolerance_from_the_blend(angle, tolerance):
     direction = [np.cos(angle), np.sin(angle)]
-    path = lines([-50.0, 0.0], [0.0, 0.0], 50.0 * np.array(direction))
+    path = lines([-5.0, 0.0], [0.0, 0.0], 5.0 * np.array(direction))
     junctions = classify(path, np.full(2, tolerance), np.zeros(1, dtype=bool))
     assert junctions.kind[0] == Junction.CORNER
     middle = corner(angle, float(junctions.size[0])).at(np.zeros(1, dtype=np.intp), np.zeros(1))[0, 0]

@@ -14,7 +14,8 @@ from planner import CurveError, InputError, Limits, check, plan_feedrate
 from planner.geometry.chain import ChainCurve, Kind
 from planner.programs import stretch
 from planner.programs.deviation import deviation
-from planner.programs.path import Blocks, program_path
+from planner.programs.moves import Blocks
+from planner.programs.path import program_path
 from planner.programs.reader import read_program
 
 PROGRAMS = Path(__file__).parent / "data" / "programs"

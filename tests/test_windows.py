@@ -18,8 +18,9 @@ from planner.geometry.curve import FeedCaps
 from planner.law import TimeNodes, utilisation
 from planner.programs import parts, window
 from planner.programs.deviation import deviation
+from planner.programs.moves import Blocks, moving_axes
 from planner.programs.parts import PathSource
-from planner.programs.path import Blocks, moving_axes, program_path
+from planner.programs.path import program_path
 from planner.programs.windows import plan_program
 
 PROGRAMS = Path(__file__).parent / "data" / "programs"

@@ -12,6 +12,10 @@ from planner.geometry.curve import FloatArray
 # Start and end differ in their distance from the centre by the digits they are written with; by more the arc is wrong.
 RADIUS_MISMATCH_MM = 0.005
 RADIUS_MISMATCH_SHARE = 5e-4
+# Start and end in one direction from the centre make a full turn by rule.  Where they are apart, and by so little against
+# the circle, a short move was meant, and its digits lost; controllers do not agree on it.
+_SAME_DIRECTION = 1e-6  # rad
+_SMALL_CHORD = 1e-6  # of the circumference
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,7 +23,8 @@ class Arcs:
     """Centre (m, 3) in mm, sweep (m,) in rad, and what makes an arc impossible (m,), nan or a size in mm.
 
     ``mismatch`` is the difference of the two radii where it is too large, ``gap`` how much farther apart start and end
-    are than a circle of the radius R allows, ``small`` a radius too small to be one.
+    are than a circle of the radius R allows, ``small`` a radius too small to be one, ``chord`` the distance of a start and
+    an end that are apart, and yet on a circle so large that they are the same.
     """
 
     centre: FloatArray
@@ -27,6 +32,7 @@ class Arcs:
     radii: FloatArray
     mismatch: FloatArray
     gap: FloatArray
+    chord: FloatArray
     small: NDArray[np.bool_]
 
 
@@ -87,6 +93,8 @@ def resolve_arcs(
     mismatch = np.abs(radii[:, 1] - radii[:, 0])
     allowed = np.maximum(RADIUS_MISMATCH_MM, RADIUS_MISMATCH_SHARE * radii.max(axis=1))
     too_wide = given & (gap > np.maximum(RADIUS_MISMATCH_MM, RADIUS_MISMATCH_SHARE * np.abs(radius)))
+    lost = (np.abs(turn) < _SAME_DIRECTION) & (distance >= threshold)
+    lost &= distance < _SMALL_CHORD * 2.0 * np.pi * radii.max(axis=1)
     whole = start.copy()
     whole[rows, first], whole[rows, second] = middle[:, 0], middle[:, 1]
     return Arcs(
@@ -95,5 +103,6 @@ def resolve_arcs(
         radii=radii,
         mismatch=np.where(~given & (mismatch > allowed), mismatch, np.nan),
         gap=np.where(too_wide, gap, np.nan),
+        chord=np.where(lost, distance, np.nan),
         small=~given & (radii.min(axis=1) < threshold),
     )

@@ -121,6 +121,7 @@ def deviation(
     window: float,
     *,
     density: int = 16,
+    pieces: FloatArray | None = None,
     where: tuple[FloatArray, FloatArray] | None = None,
 ) -> Deviation:
     """Measure the deviation of a curve from the programmed path.
@@ -135,6 +136,8 @@ def deviation(
         How far along the path the nearest point is searched, mm.
     density : int
         Points between neighbouring edges (knots, vertices).
+    pieces : (k,) array, optional
+        Curve parameters between which the points of the curve lie, in place of ``u_edges``.
     where : pair of (k,) arrays, optional
         Abscissae at which the stretches to be looked at begin and end; everything if left out.
 
@@ -153,9 +156,9 @@ def deviation(
         return foot_distance(lambda at: curve.derivatives(at, 2), programmed.at(s)[0], u, lo, hi)
 
     found = []
+    inner = u_edges if pieces is None else pieces
     for measure, own, other in ((from_path, u_edges, s_edges), (from_program, s_edges, u_edges)):
-        edges = np.union1d(curve._candidate_breaks(), own) if measure is from_path else own
-        edges = edges if measure is from_path else np.union1d(programmed.edges, own)
+        edges = np.union1d(*((curve._candidate_breaks(), inner) if own is u_edges else (programmed.edges, own)))
         if where is not None:
             limits = where if own is s_edges else tuple(np.interp(part, s_edges, u_edges) for part in where)
             edges = np.union1d(edges, np.concatenate(limits))

@@ -14,6 +14,7 @@ each of which has a knot: marching from one end would not treat both directions 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planner.geometry.curve import FloatArray
 
@@ -61,7 +62,7 @@ def place(start: float, end: float, at: FloatArray, spacing: FloatArray, pinned:
     gap = np.diff(s)
     parts = np.clip(np.ceil(_PARTS_PER_SPACING * gap / np.minimum(least[:-1], least[1:])), 1, _MOST_PARTS).astype(int)
     index = np.repeat(np.arange(gap.size), parts)
-    within = (np.arange(index.size) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[index]
+    within = _graded(gap, least, parts, index)
     fine = np.append(s[index] + gap[index] * within, end)
     into, back = gap[index] * within, gap[index] * (1.0 - within)
     fine_spacing = np.minimum(least[index] + _GROWTH * into, least[index + 1] + _GROWTH * back)
@@ -77,6 +78,24 @@ def place(start: float, end: float, at: FloatArray, spacing: FloatArray, pinned:
     knots = np.interp(at_corner[index] + np.diff(at_corner)[index] * within, count, fine)
     knots[np.cumsum(pieces) - pieces] = corners[:-1]
     return np.append(knots, end)
+
+
+def _graded(gap: FloatArray, spacing: FloatArray, parts: NDArray[np.intp], index: NDArray[np.intp]) -> FloatArray:
+    """Where the parts of every gap begin, as shares of it: evenly, or closer by the spacing where that is too coarse.
+
+    With h0 and h1 at its ends and the spacing growing by g a mm from both, a gap d is cut at equal steps of the integral of
+    dx/h, which is ln(1 + g x/h) / g from either end to where the two meet.
+    """
+    number = np.arange(index.size) - np.repeat(np.cumsum(parts) - parts, parts)
+    share = number / parts[index]
+    first, last = spacing[:-1], spacing[1:]
+    meet = np.clip(0.5 * (gap + (last - first) / _GROWTH), 0.0, gap)
+    one, other = (np.log1p(_GROWTH * x / h) / _GROWTH for x, h in ((meet, first), (gap - meet, last)))
+    at = share * (one + other)[index]
+    forth = first[index] * np.expm1(_GROWTH * at) / _GROWTH
+    back = gap[index] - last[index] * np.expm1(_GROWTH * ((one + other)[index] - at)) / _GROWTH
+    closer = np.where(at <= one[index], forth, back) / gap[index]
+    return np.where((parts == _MOST_PARTS)[index], np.clip(closer, 0.0, 1.0), share)
 
 
 def _limited(s: FloatArray, spacing: FloatArray) -> FloatArray:

@@ -16,6 +16,7 @@ with the end of the part before it, since the point of the path nearest to a pro
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,10 +24,12 @@ from numpy.typing import NDArray
 from planner.errors import SolverError
 from planner.geometry.curve import FloatArray
 from planner.limits import Limits
+from planner.programs.absorb import Absorbed, absorb
 from planner.programs.corners import Junction, Junctions, classify
-from planner.programs.deviation import Deviation, deviation
-from planner.programs.path import _MARGIN, _SHORT_REST, Blocks, _assemble, _stretches
-from planner.programs.program import Program
+from planner.programs.measure import Place, Written, largest_deviation
+from planner.programs.moves import Blocks
+from planner.programs.path import _MARGIN, _SHORT_REST, _assemble, _stretches, places_of, widest_piece
+from planner.programs.program import Program, rows_of
 from planner.programs.run import Run, cut_run
 from planner.programs.stretch import OVERLAP, Fitted, Stretch, fit
 
@@ -37,9 +40,7 @@ _FEWEST_KNOTS = 2 * OVERLAP  # of a tube that is cut
 _DEFERRED = 4.0  # tolerances before a cut that are measured with the next part: twice the tangential slip
 _KEPT = 8.0  # mm of a part that are kept to measure the next one
 _MOST_TRIES, _NARROWER = 4, 0.999
-_COLUMNS = (
-    "line", "kind", "start", "end", "centre", "normal", "sweep", "feed", "stop_after", "tolerance", "naive_tolerance"
-)  # fmt: skip
+_ROUNDING = 1e-9  # mm, of abscissae
 _BESIDE = 1e-7  # mm; a junction this near to the start of a part belongs to the part before
 
 
@@ -50,7 +51,7 @@ class Cursor:
     Attributes
     ----------
     row : int
-        Move of the program that it begins in.
+        Move that it begins in, of those that absorption leaves.
     offset : float
         How far along it, mm.
     entry : (4, dim) array or None
@@ -99,10 +100,24 @@ class PathSource:
     tolerance: float | None
     limits: Limits
 
+    @cached_property
+    def row(self) -> NDArray[np.intp]:
+        """The moves of the program with a length."""
+        return np.flatnonzero(self.program.lengths > 0.0)
+
+    @cached_property
+    def absorbed(self) -> Absorbed:
+        """What absorption leaves of the program: the same for every part, so that parts join."""
+        return absorb(self.program, Blocks.of(self.program, self.tolerance, self.moves))
+
+    def given(self, first: int, last: int) -> slice:
+        """Which of ``row`` the moves from ``first`` to before ``last`` stand for."""
+        begin, end = np.searchsorted(self.absorbed.owner, [first, last])
+        return slice(int(begin), int(end))
+
     def start(self) -> Cursor:
         """The cursor before the first part."""
-        first = int(np.flatnonzero(self.program.lengths > 0.0)[0])
-        return Cursor(first, 0.0, None, True, _FIRST_BLOCKS, None, 0.0)
+        return Cursor(0, 0.0, None, True, _FIRST_BLOCKS, None, 0.0)
 
     def part(self, cursor: Cursor) -> tuple[Part, Cursor | None]:
         """Build the part at a cursor; with it comes the cursor of the next one, None at the end of the program."""
@@ -140,24 +155,44 @@ class _Pieces:
 
 @dataclass(frozen=True, eq=False)
 class _View:
-    """The blocks in sight of a cursor: from ``first``, a row of the program, the part beginning at ``start``, mm."""
+    """The moves in sight of a cursor, of those that absorption leaves: from ``first``, the part beginning at ``start``, mm.
+
+    ``own`` is the tolerance in force at each, ``given`` the rows of the program they stand for, ``written`` these blocks.
+    """
 
     source: PathSource
     cursor: Cursor
     first: int
     blocks: Blocks
+    own: FloatArray
+    given: NDArray[np.intp]
+    written: Written
     start: float
     is_last: bool
 
     @classmethod
     def of(cls, source: PathSource, cursor: Cursor, count: int) -> _View:
         """Take ``count`` blocks from the cursor on."""
-        size = len(source.program)
+        absorbed = source.absorbed
+        size = len(absorbed.program)
         first, last = max(cursor.row - _HISTORY, 0), min(cursor.row + count, size)
-        blocks = Blocks.of(rows_of(source.program, first, last), source.tolerance, source.moves)
-        at = int(np.searchsorted(blocks.row, cursor.row - first))
-        start = float(blocks.programmed.edges[at]) + cursor.offset
-        return cls(source, cursor, first, blocks, start, last == size)
+        blocks = Blocks.of(rows_of(absorbed.program, slice(first, last)), None, source.moves)
+        edges = blocks.programmed.edges
+        some = source.given(first, last)
+        given = source.row[some]
+        programmed = Blocks.of(rows_of(source.program, given), source.tolerance, source.moves).programmed
+        begin = float(absorbed.edges[first])
+        place = _at_edges(absorbed.place[some.start : some.stop + 1] - begin, edges)
+        lines = [(lo - begin, hi - begin, tolerance) for lo, hi, tolerance in absorbed.lines(first, last)]
+        start = float(edges[cursor.row - first]) + cursor.offset
+        own = absorbed.own[first:last]
+        written = Written(programmed, place, lines)
+        return cls(source, cursor, first, blocks, own, given, written, start, last == size)
+
+    def row_before(self, junction: int) -> int:
+        """The row of the program whose end a junction is."""
+        last = self.source.given(0, self.first + junction + 1).stop - 1
+        return int(self.source.row[last])
 
     @property
     def edges(self) -> FloatArray:
@@ -243,7 +278,7 @@ class _View:
         s = self.edges[1:-1]
         inner = np.flatnonzero((junctions.kind == Junction.TUBE) & (s > stretch.start + _BESIDE) & (s < stretch.end))
         if inner.size == 0:
-            line = self.source.program.line[self.cursor.row]
+            line = self.source.absorbed.program.line[self.cursor.row]
             raise SolverError(
                 f"{self.source.program.source}:{line}: the path cannot go on within the tolerance; give a larger one"
             )
@@ -270,6 +305,13 @@ class _View:
         return float(places[-1]) if places.size else self.start
 
 
+def _at_edges(place: FloatArray, edges: FloatArray) -> FloatArray:
+    """Places, those that are at an edge but for rounding exactly there."""
+    k = np.clip(np.searchsorted(edges, place), 1, edges.size - 1)
+    nearest = np.where(place - edges[k - 1] < edges[k] - place, edges[k - 1], edges[k])
+    return np.clip(np.where(np.abs(place - nearest) < _ROUNDING, nearest, place), 0.0, edges[-1])
+
+
 def _knots(stretch: Stretch) -> int:
     from planner.programs import knots as knotting
 
@@ -278,56 +320,45 @@ def _knots(stretch: Stretch) -> int:
 
 def _measured(view: _View, pieces: _Pieces) -> Part:
     """Assemble the part and measure it."""
-    blocks, cursor = view.blocks, view.cursor
+    blocks, cursor, written = view.blocks, view.cursor, view.written
     curve, _, s_edges = _assemble(blocks, pieces.junctions, pieces.tubes)
-    feed = blocks.feed
-    run = cut_run(curve, s_edges, (view.edges, feed, 0), view.start, pieces.end)
-    run = replace(run, row=blocks.row[run.row] + view.first)
-    joined, u_edges = run.curve, run.s + view.start
+    owner = view.source.absorbed.owner[view.source.given(view.first, view.first + blocks.row.size)] - view.first
+    run = cut_run(curve, s_edges, (written.place, blocks.feed[owner], 0), view.start, pieces.end)
+    run = replace(run, row=view.given[run.row])
+    joined, s_joined = run.curve, run.s + view.start
     if cursor.tail is not None:
         whole = cursor.tail.joined(run, rests=cursor.rests)
-        joined, u_edges = whole.curve, whole.s - cursor.tail.s[-1] + view.start
-    lo, hi, tolerance = _measured_places(view, pieces)
-    found, largest = Deviation(0.0, view.start, 0.0, 0.0), 0.0
-    widest = max([0.0, *(float(np.diff(tube.knots).max()) for tube in pieces.tubes)])
-    widest = max(widest, float(pieces.junctions.reach.max(initial=0.0)))
-    for value in np.unique(tolerance):
-        some = np.flatnonzero(tolerance == value)
-        measured = deviation(
-            joined, blocks.programmed, joined.edges, u_edges, 8.0 * value + 2.0 * widest, where=(lo[some], hi[some])
-        )
-        found = max(found, measured, key=lambda item: item.largest)
-        largest = max(largest, measured.largest / float(value))
-    at = int(np.clip(np.searchsorted(view.edges, found.abscissa, side="right") - 1, 0, blocks.row.size - 1))
+        joined, s_joined = whole.curve, whole.s - cursor.tail.s[-1] + view.start
+    widest = widest_piece(pieces.junctions, pieces.tubes)
+    places, lines = _measured_places(view, pieces)
+    found, largest = largest_deviation(joined, joined.edges, s_joined, replace(written, lines=lines), places, widest)
+    edges = written.programmed.edges
+    at = int(np.clip(np.searchsorted(edges, found.abscissa, side="right") - 1, 0, view.given.size - 1))
     s = view.edges[1:-1]
     rests = bool(view.is_last or (s[pieces.junctions.kind == Junction.STOP] == pieces.end).any())
     stops = tuple(
-        (int(blocks.row[k]) + view.first, reason)
-        for k, reason in sorted(pieces.reasons.items())
-        if view.start < s[k] <= pieces.end
+        (view.row_before(k), reason) for k, reason in sorted(pieces.reasons.items()) if view.start < s[k] <= pieces.end
     )
-    return Part(run, rests, found.largest, largest, int(blocks.row[at]) + view.first, stops)
+    return Part(run, rests, found.largest, largest, int(view.given[at]), stops)
 
 
-def _measured_places(view: _View, pieces: _Pieces) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Abscissae between which the part is not the program itself, and the tolerance there; in order."""
-    junctions, s = pieces.junctions, view.edges[1:-1]
-    reach, own = junctions.reach, view.blocks.tolerance
-    corners = np.flatnonzero(
-        (junctions.kind == Junction.CORNER) & (s - reach >= view.start - _BESIDE) & (s + reach <= pieces.end + _BESIDE)
-    )
-    places = [(s[k] - reach[k], s[k] + reach[k], min(own[k], own[k + 1])) for k in corners]
-    for tube in pieces.tubes:
-        ends = tube.knots[-1]
-        if pieces.inside and ends == pieces.end:
-            ends -= _DEFERRED * tube.tolerance
-        places.append((tube.knots[0], ends, tube.tolerance))
+def _measured_places(view: _View, pieces: _Pieces) -> tuple[list[Place], list[Place]]:
+    """Corners and tubes of the part, and lines that stand for several blocks, with the tolerance in force there."""
+    lo, hi = view.start - _BESIDE, pieces.end + _BESIDE
+    places = [
+        place
+        for place in places_of(view.edges, view.own, pieces.junctions, pieces.tubes)
+        if place[0] >= lo and place[1] <= hi
+    ]
+    if pieces.inside:
+        places = [
+            (start, end - _DEFERRED * tolerance if end == pieces.end else end, tolerance)
+            for start, end, tolerance in places
+        ]
     if view.cursor.deferred > 0.0:
         places.append((view.start - _DEFERRED * view.cursor.deferred, view.start, view.cursor.deferred))
-    if not places:
-        return np.empty(0), np.empty(0), np.empty(0)
-    lo, hi, tolerance = (np.array(column, dtype=np.float64) for column in zip(*sorted(places), strict=True))
-    return lo, hi, tolerance
+    lines = [(max(a, lo), min(b, hi), tolerance) for a, b, tolerance in view.written.lines if a < hi and b > lo]
+    return places, lines
 
 
 def _next(view: _View, pieces: _Pieces, part: Part) -> Cursor | None:
@@ -347,11 +378,5 @@ def _next(view: _View, pieces: _Pieces, part: Part) -> Cursor | None:
         rests=part.rests,
         blocks=int(np.clip(wanted, _FEWEST_BLOCKS, _MOST_BLOCKS)),
         tail=run.pieces(max(first, 0), run.curve.kind.size),
-        deferred=pieces.tubes[-1].tolerance if pieces.inside else 0.0,
+        deferred=places_of(view.edges, view.own, pieces.junctions, pieces.tubes[-1:])[-1][2] if pieces.inside else 0.0,
     )
-
-
-def rows_of(program: Program, first: int, last: int) -> Program:
-    """The moves from ``first`` to before ``last``, without events."""
-    columns = {name: getattr(program, name)[first:last] for name in _COLUMNS}
-    return replace(program, **columns, events=())

@@ -14,21 +14,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.errors import CurveError, InputError, SolverError
-from planner.geometry.blend import Legs
+from planner.errors import InputError, SolverError
 from planner.geometry.chain import ChainCurve, Kind
 from planner.geometry.curve import FeedCaps, FloatArray
 from planner.geometry.inputs import positive_number
 from planner.limits import Limits
 from planner.programs import knots as knotting
+from planner.programs.absorb import Absorbed, absorb
 from planner.programs.corners import Junction, Junctions, blends_at, classify
-from planner.programs.deviation import Deviation, Programmed, deviation
+from planner.programs.deviation import Deviation
+from planner.programs.measure import Place, Written, largest_deviation
+from planner.programs.moves import Blocks, moving_axes
 from planner.programs.noise import noise_amplitude
-from planner.programs.program import ARC, RAPID, Program
+from planner.programs.program import Program
 from planner.programs.stretch import Fitted, Stretch, fit
 
-DEFAULT_TOLERANCE = 0.01  # mm, where neither the program nor the caller gives one
-_AXES = ("X", "Y", "Z")
 # How far a tube goes on beyond its first and last junction, where the blocks are long, mm.  The knot spacing has grown
 # to its largest by then.
 _MARGIN = 12.0
@@ -124,90 +124,24 @@ def program_path(program: Program, tolerance: float | None, limits: Limits) -> P
         if not np.isfinite(tolerance):
             raise InputError("tolerance = inf mm must be finite")
     program.require_axes(limits)
-    blocks = Blocks.of(program, tolerance)
+    given = Blocks.of(program, tolerance)
+    absorbed = absorb(program, given)
+    blocks = Blocks.of(absorbed.program, None, moving_axes(program))
+    written = absorbed.written(given.programmed)
     at = [limits.axes.index(axis) for axis in blocks.axes]
     rows = {name: getattr(limits, name)[at] for name in ("velocity", "acceleration", "jerk")}
     shaped = Limits(limits.feed, **rows, axes=blocks.axes, rapid=limits.rapid)
     share = 1.0
     for _ in range(_MOST_TRIES):
         built = _build(blocks, shaped, share)
-        found, largest = _measure(blocks, built)
+        found, largest = _measure(absorbed, built, written)
         if largest <= 1.0:
-            return _report(program, blocks, built, found, largest)
+            return _report(program, (given, absorbed, blocks), built, found, largest)
         share *= _NARROWER / largest
     raise SolverError(
         f"{program.source}: the path leaves the tolerance by {largest - 1.0:.2g} of it at abscissa {found.abscissa:.6g} mm; "
         "give a larger tolerance"
     )
-
-
-@dataclass(frozen=True, eq=False)
-class Blocks:
-    """The blocks that move, in the axes that move: rows of the program with a length."""
-
-    row: NDArray[np.intp]
-    axes: tuple[str, ...]
-    programmed: Programmed
-    tolerance: FloatArray
-    feed: FloatArray
-    rapid: NDArray[np.bool_]
-    stop: NDArray[np.bool_]
-
-    @classmethod
-    def of(cls, program: Program, tolerance: float | None, moves: NDArray[np.bool_] | None = None) -> Blocks:
-        """Take the moves as legs, in the axes that move or those of ``moves`` (3,)."""
-        row = np.flatnonzero(program.lengths > 0.0)
-        if not row.size:
-            raise CurveError(f"{program.source}: the program moves nothing; a path needs a move")
-        moves = moving_axes(program) if moves is None else moves
-        legs, length = _legs(program, row, moves)
-        edges = np.concatenate([[0.0], np.cumsum(length)])
-        given = program.tolerance[row]
-        own = np.where(np.isnan(given), DEFAULT_TOLERANCE, given)
-        if tolerance is not None:
-            own = np.where(given == 0.0, 0.0, tolerance)
-        rapid = program.kind[row] == RAPID
-        halts = np.concatenate([[0], np.cumsum(program.stop_after)])
-        # a stop between two moves that stay counts, also after a move of length 0
-        stop = (halts[row[1:]] > halts[row[:-1]]) | rapid[:-1] | rapid[1:]
-        axes = tuple(name for name, moving in zip(_AXES, moves, strict=True) if moving)
-        return cls(row, axes, Programmed(edges, legs), own, program.feed[row], rapid, stop)
-
-
-def moving_axes(program: Program) -> NDArray[np.bool_]:
-    """Which of X, Y and Z move, (3,); at least two, since a path has two axes or more."""
-    moves = np.maximum(program.start.max(axis=0), program.end.max(axis=0)) > np.minimum(
-        program.start.min(axis=0), program.end.min(axis=0)
-    )
-    arcs = program.kind == ARC
-    moves[np.unique((program.normal[arcs][:, None] + np.array([1, 2])) % 3)] = True
-    if moves.sum() < 2:
-        moves[[k for k in range(3) if not moves[k]][: 2 - int(moves.sum())]] = True
-    return np.asarray(moves)
-
-
-def _legs(program: Program, row: NDArray[np.intp], moves: NDArray[np.bool_]) -> tuple[Legs, FloatArray]:
-    """Legs of the moves ``row`` in the axes that move, and their lengths."""
-    start, end = program.start[row], program.end[row]
-    length = program.lengths[row].copy()
-    vectors, rates = np.zeros((row.size, 4, 3)), np.zeros((row.size, 2))
-    vectors[:, 0] = start
-    vectors[:, 3] = (end - start) / length[:, None]
-    on = np.flatnonzero(program.kind[row] == ARC)
-    if on.size:
-        index = row[on]
-        normal = np.eye(3)[program.normal[index]]
-        spoke, last = start[on] - program.centre[index], end[on] - program.centre[index]
-        spoke -= normal * np.sum(spoke * normal, axis=1)[:, None]
-        last -= normal * np.sum(last * normal, axis=1)[:, None]
-        radius, final = (np.sqrt(np.sum(part**2, axis=1)) for part in (spoke, last))
-        vectors[on, 0] = start[on] - spoke
-        vectors[on, 1] = spoke
-        vectors[on, 2] = np.cross(normal, spoke)
-        vectors[on, 3] = normal * (np.sum((end[on] - start[on]) * normal, axis=1) / length[on])[:, None]
-        rates[on, 0] = program.sweep[index] / length[on]
-        rates[on, 1] = np.where(np.abs(final - radius) > 1e-12 * radius, (final / radius - 1.0) / length[on], 0.0)
-    return Legs(np.ascontiguousarray(vectors[:, :, moves]), rates), length
 
 
 @dataclass(frozen=True, eq=False)
@@ -372,48 +306,51 @@ def _inside(s: FloatArray, lo: FloatArray, hi: FloatArray) -> NDArray[np.intp]:
     return np.where((i >= 0) & (s < hi[np.maximum(i, 0)]), i, -1)
 
 
-def _measure(blocks: Blocks, built: _Built) -> tuple[Deviation, float]:
-    """The largest deviation of tubes and corners, and the largest against its tolerance."""
-    s, junctions = blocks.programmed.edges[1:-1], built.junctions
+def _measure(absorbed: Absorbed, built: _Built, written: Written) -> tuple[Deviation, float]:
+    """The largest deviation of the path, and the largest against its tolerance."""
+    places = places_of(absorbed.edges, absorbed.own, built.junctions, built.tubes)
+    widest = widest_piece(built.junctions, built.tubes)
+    return largest_deviation(built.curve, built.u_edges, built.s_edges, written, places, widest)
+
+
+def places_of(edges: FloatArray, own: FloatArray, junctions: Junctions, tubes: list[Fitted]) -> list[Place]:
+    """Abscissae between which a path is not the program itself, and the tolerance in force there."""
+    s, reach = edges[1:-1], junctions.reach
     corners = np.flatnonzero(junctions.kind == Junction.CORNER)
-    reach = junctions.reach[corners]
-    allowed = np.minimum(blocks.tolerance[corners], blocks.tolerance[corners + 1])
-    lo = np.concatenate([s[corners] - reach, [tube.knots[0] for tube in built.tubes]])
-    hi = np.concatenate([s[corners] + reach, [tube.knots[-1] for tube in built.tubes]])
-    tolerance = np.concatenate([allowed, [tube.tolerance for tube in built.tubes]])
-    widest = max([0.0, *reach, *(float(np.diff(tube.knots).max()) for tube in built.tubes)])
-    order = np.argsort(lo)
-    found, largest = Deviation(0.0, 0.0, 0.0, 0.0), 0.0
-    for value in np.unique(tolerance):
-        some = order[tolerance[order] == value]
-        measured = deviation(
-            built.curve,
-            blocks.programmed,
-            built.u_edges,
-            built.s_edges,
-            8.0 * value + 2.0 * widest,
-            where=(lo[some], hi[some]),
-        )
-        found = max(found, measured, key=lambda item: item.largest)
-        largest = max(largest, measured.largest / float(value))
-    return found, largest
+    places = [(float(s[k] - reach[k]), float(s[k] + reach[k]), float(min(own[k], own[k + 1]))) for k in corners]
+    for tube in tubes:
+        first, last = np.searchsorted(edges, tube.knots[[0, -1]], side="right") - 1
+        allowed = own[max(first, 0) : max(last, first + 1)]
+        places.append((float(tube.knots[0]), float(tube.knots[-1]), float(allowed.min())))
+    return places
 
 
-def _report(program: Program, blocks: Blocks, built: _Built, found: Deviation, share: float) -> ProgramPath:
-    """Collect what belongs to a path."""
-    edges, junctions = blocks.programmed.edges, built.junctions
-    line = program.line[blocks.row]
+def widest_piece(junctions: Junctions, tubes: list[Fitted]) -> float:
+    """Length of the longest piece of the corners and tubes, mm."""
+    widest = [float(np.diff(tube.knots).max()) for tube in tubes]
+    return max([float(junctions.reach.max(initial=0.0)), *widest])
+
+
+def _report(
+    program: Program, made: tuple[Blocks, Absorbed, Blocks], built: _Built, found: Deviation, share: float
+) -> ProgramPath:
+    """Collect what belongs to a path: of the given blocks, what was absorbed, and the blocks that are left."""
+    given, absorbed, blocks = made
+    edges, junctions = given.programmed.edges, built.junctions
+    line = program.line[given.row]
     at = int(np.clip(np.searchsorted(edges, found.abscissa, side="right") - 1, 0, line.size - 1))
-    u = np.interp(edges, built.s_edges, built.u_edges)
+    u = np.interp(blocks.programmed.edges, built.s_edges, built.u_edges)
     stops = tuple(
-        Stop(float(u[k + 1]), int(line[k]), _reason(blocks, junctions, built.reasons, int(k)))
+        Stop(float(u[k + 1]), int(absorbed.program.line[k]), _reason(blocks, junctions, built.reasons, int(k)))
         for k in np.flatnonzero(junctions.kind == Junction.STOP)
     )
     feed = blocks.feed
     changes = np.concatenate([[0], 1 + np.flatnonzero(feed[1:] != feed[:-1])])
     caps = FeedCaps(np.append(u[changes], u[-1]), feed[changes])
+    u = np.interp(absorbed.place, built.s_edges, built.u_edges)
     counts = {
         "blocks": line.size,
+        "absorbed": absorbed.count,
         "corners": int(np.count_nonzero(junctions.kind == Junction.CORNER)),
         "tubes": len(built.tubes),
         "knots": sum(tube.knots.size for tube in built.tubes),
@@ -428,21 +365,27 @@ def _report(program: Program, blocks: Blocks, built: _Built, found: Deviation, s
         curve=replace(built.curve, feed_caps=caps),
         line=line,
         u=u,
-        rapid=blocks.rapid,
+        rapid=given.rapid,
         stops=stops,
-        tolerance=float(blocks.tolerance.max()),
+        tolerance=float(given.tolerance.max()),
         deviation=found,
         deviation_line=int(line[at]),
         deviation_share=share,
         intervals=max(_FEWEST_INTERVALS, intervals),
         counts=counts,
-        notes=_notes(program, blocks, built),
+        notes=_notes(absorbed, blocks, built),
     )
 
 
-def _notes(program: Program, blocks: Blocks, built: _Built) -> tuple[str, ...]:
-    """What a reader should know: noise in the blocks, and exact stops that nobody asked for."""
+def _notes(absorbed: Absorbed, blocks: Blocks, built: _Built) -> tuple[str, ...]:
+    """What a reader should know: blocks absorbed, noise in the blocks, and exact stops that nobody asked for."""
+    program = absorbed.program
     notes = []
+    if absorbed.count:
+        notes.append(
+            f"{absorbed.count} block{'s' if absorbed.count > 1 else ''} of at most {1e3 * absorbed.longest:.3g} um absorbed "
+            f"within {1e3 * absorbed.largest:.3g} um"
+        )
     smooth = np.zeros(blocks.row.size + 1, dtype=np.bool_)
     smooth[1:-1] = built.junctions.kind == Junction.TUBE
     points = np.concatenate([program.start[blocks.row[:1]], program.end[blocks.row]])
@@ -469,4 +412,6 @@ def _reason(blocks: Blocks, junctions: Junctions, reasons: dict[int, str], k: in
         return _DEMANDED
     if junctions.turn[k] > np.deg2rad(150.0):
         return f"a turn of {np.rad2deg(junctions.turn[k]):.0f} degrees"
+    if min(blocks.tolerance[k], blocks.tolerance[k + 1]) > 0.0:
+        return "a corner so small that stopping is faster"
     return "no tolerance"

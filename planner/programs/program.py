@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -14,6 +14,9 @@ from planner.limits import Limits
 
 RAPID, LINE, ARC = 0, 1, 2
 AXES = ("X", "Y", "Z")
+_COLUMNS = (
+    "line", "kind", "start", "end", "centre", "normal", "sweep", "feed", "stop_after", "tolerance", "naive_tolerance"
+)  # fmt: skip
 # Shorter moves are none: the line is kept and takes no time.
 ZERO_LENGTH_MM = 1e-6
 
@@ -139,6 +142,11 @@ class Program:
             raise InputError(
                 f"{self.source}:{line}: {name}: the machine has no axis {name}; its axes are {', '.join(limits.axes)}"
             )
+
+
+def rows_of(program: Program, rows: slice | NDArray[np.intp]) -> Program:
+    """Some moves of a program, without events."""
+    return replace(program, **{name: getattr(program, name)[rows] for name in _COLUMNS}, events=())
 
 
 def arc_lengths(

@@ -239,7 +239,9 @@ def _check_words(blocks: Blocks) -> None:
     dwell, path = blocks.g[DWELL], blocks.g[PATH_MODE]
     blend = path.given & (path.value == 640)
     p, q, r = (letters[name] for name in "PQR")
-    faults.add(p.at(~dwell.given & ~blend), "belongs to G4 or G64, which is not in the block")
+    turns = np.isin(blocks.g[MOTION].value, (20, 30)) & blocks.g[MOTION].given & ~dwell.given & ~blend
+    faults.add(p.at(turns), "several turns of an arc are not read; write a G2 or G3 for each")
+    faults.add(p.at(~dwell.given & ~blend & ~turns), "belongs to G4 or G64, which is not in the block")
     faults.add(p.at(dwell.given & blend), "belongs to G4 or to G64; write them in two blocks")
     faults.add(p.at(blend & ~dwell.given & (p.value == 0.0)), "the tolerance must be > 0; G61 holds the path exactly")
     faults.add(q.at(~blend), "belongs to G64, which is not in the block")
@@ -427,6 +429,15 @@ def _arcs(
     blocks.faults.add(
         place[wide],
         lambda i: f"start and end are {2.0 * arcs.gap[wide[i]]:.6g} mm farther apart than twice the radius",
+    )
+    lost = np.flatnonzero(~np.isnan(arcs.chord))
+    blocks.faults.add(
+        place[lost],
+        lambda i: (
+            f"start and end lie {arcs.chord[lost[i]]:.3g} mm apart on a radius of {arcs.radii[lost[i], 0]:.6g} mm, by rule "
+            f"a full turn of {2e-3 * np.pi * arcs.radii[lost[i], 0]:.6g} m; write G1 for the short move, or end the circle "
+            "where it starts"
+        ),
     )
     full = ~np.isnan(radius) & (np.abs(arcs.sweep) == 2.0 * np.pi)
     blocks.faults.add(place[full], "a full circle has no radius form; give its centre with I, J, K")

@@ -67,7 +67,7 @@ class State:
 
     @property
     def first_row(self) -> int:
-        """Row of the program at which the window begins."""
+        """Row of the program at which the window begins, nearly."""
         if self.queue is not None:
             return int(self.queue.row[0])
         return 0 if self.cursor is None else self.cursor.row

@@ -33,13 +33,14 @@ import numpy as np
 
 from planner.check.report import BREAKS, HOLDS
 from planner.errors import InputError
+from planner.geometry.curve import FloatArray
 from planner.geometry.inputs import positive_number
 from planner.limits import Limits
 from planner.output import require_writable
 from planner.programs.done import Done
 from planner.programs.journal import Journal
+from planner.programs.moves import moving_axes
 from planner.programs.parts import PathSource
-from planner.programs.path import moving_axes
 from planner.programs.program import AXES, Program
 from planner.programs.reader import read_program
 from planner.programs.restore import restored
@@ -212,7 +213,7 @@ def _path_source(program: Program, limits: Limits, tolerance: float | None) -> P
 
 def _identity(path: PathSource, limits: Limits) -> str:
     """What a plan depends on, as a hash."""
-    digest = hashlib.sha256(_FORMAT.encode())
+    digest = hashlib.sha256(f"{_FORMAT}, blocks absorbed".encode())
     program = path.program
     for name in ("kind", "start", "end", "centre", "normal", "sweep", "feed", "stop_after", "tolerance", "line"):
         digest.update(np.ascontiguousarray(getattr(program, name)).data)
@@ -238,7 +239,7 @@ def _line_times(journal: Journal, done: Done, program: Program) -> LineTimes:
         held[row], binding[row] = np.where(more, longest, held[row]), np.where(more, limit, binding[row])
         u[0, row] = np.fmin(u[0, row], start[1] + edges[:-1])
         u[1, row] = np.fmax(u[1, row], start[1] + edges[1:])
-    edges = np.append(u[0, moving], u[1, moving][-1:])
+    edges = _filled(np.append(u[0, moving], np.nanmax(u[1])))
     return combined(
         program, program.line[moving], edges, seconds[moving], (binding[moving], held[moving], done.limit_names)
     )
@@ -251,6 +252,12 @@ def _verdict(done: Done) -> str:
     if done.share > 1.0:
         return f"{BREAKS}: the path leaves its tolerance by {done.share - 1.0:.3g} of it"
     return HOLDS
+
+
+def _filled(edges: FloatArray) -> FloatArray:
+    """Edges of blocks of which some, absorbed where a window ends, have none: they are at the next."""
+    at = np.where(np.isnan(edges), edges.size, np.arange(edges.size))
+    return edges[np.minimum.accumulate(at[::-1])[::-1]]
 
 
 def _outcome(done: Done, program: Program, table: Path, lines: Path, resumed: int) -> ProgramPlan:

@@ -1,0 +1,262 @@
+"""Blocks inside the tolerance: absorbed, and at no cost; what may not be absorbed is not."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from program_blocks import arc, line, polyline, program, rapid
+
+from planner import Limits, SolverError, check, plan_feedrate
+from planner.programs import absorb as absorbing
+from planner.programs.absorb import absorb
+from planner.programs.moves import Blocks
+from planner.programs.path import program_path
+from planner.programs.times import line_times
+from planner.programs.windows import plan_program
+
+LIMITS = Limits(50.0, [250.0] * 3, [1000.0] * 3, [2e4] * 3)
+PLANE = Limits(50.0, [250.0] * 2, [1000.0] * 2, [2e4] * 2)
+LEG = 10.0
+ANGLES = (10.0, 20.0, 30.0, 45.0, 60.0, 90.0, 120.0, 135.0, 150.0, 160.0, 170.0)
+LENGTHS = 10.0 ** np.linspace(-7.0, 0.0, 22)
+TOLERANCES = (0.001, 0.01, 0.05)
+
+
+def planned(source, tolerance, limits=LIMITS):
+    """The path of a program and the duration of its plan, which must pass its check."""
+    path = program_path(source, tolerance, limits)
+    own = limits.for_curve(path.curve)
+    profile = plan_feedrate(path.curve, own, intervals=path.intervals)
+    report = check(path.curve, own, profile)
+    assert report.ok, report.violations
+    assert path.deviation_share <= 1.0
+    return path, profile
+
+
+def corner(angle, length=0.0, place="none"):
+    """Points of a corner between two legs, with a block of some length before it, after it, on both sides, or across."""
+    a = np.deg2rad(angle)
+    t1, t2, mean = np.array([1.0, 0.0]), np.array([np.cos(a), np.sin(a)]), np.array([np.cos(0.5 * a), np.sin(0.5 * a)])
+    vertex = LEG * t1
+    inner = {
+        "none": [vertex],
+        "before": [vertex - length * t1, vertex],
+        "after": [vertex, vertex + length * t2],
+        "both": [vertex - length * t1, vertex, vertex + length * t2],
+        "oblique": [vertex, vertex + length * mean],
+        "back": [vertex, vertex - length * t1, vertex],
+    }[place]
+    return np.array([[0.0, 0.0], *inner, vertex + LEG * t2])
+
+
+@cache
+def corner_alone(angle, tolerance):
+    return planned(polyline(corner(angle)), tolerance)[1].duration
+
+
+def assert_costs_nothing(angle, tolerance, length, place):
+    duration = planned(polyline(corner(angle, length, place)), tolerance)[1].duration
+    assert duration <= corner_alone(angle, tolerance) * (1.0 + 1e-3), (angle, tolerance, length, place)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_short_block_beside_a_corner_costs_nothing(seed):
+    rng = np.random.default_rng(seed)
+    angle, tolerance = float(rng.choice(ANGLES)), float(rng.choice(TOLERANCES))
+    place = str(rng.choice(["before", "after", "both"]))
+    assert_costs_nothing(angle, tolerance, float(rng.choice(LENGTHS)), place)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("place", ["before", "after", "both"])
+@pytest.mark.parametrize("tolerance", TOLERANCES)
+@pytest.mark.parametrize("angle", ANGLES)
+def test_no_short_block_beside_a_corner_costs_anything(angle, tolerance, place):
+    for length in LENGTHS:
+        assert_costs_nothing(angle, tolerance, float(length), place)
+
+
+@pytest.mark.parametrize("place", ["oblique", "back"])
+@pytest.mark.parametrize("angle", [10.0, 30.0, 90.0, 135.0, 160.0])
+def test_a_tiny_block_across_a_corner_costs_nothing(angle, place):
+    """Off the legs by 2 % of the tolerance at most, which is worth less than 1e-3 of the time."""
+    for length in (1e-7, 1e-6, 1e-5, 1e-4):
+        assert_costs_nothing(angle, 0.01, length, place)
+
+
+def rounded(points, digits=6):
+    return np.round(np.array(points, dtype=float), digits)
+
+
+def test_zigzag_of_a_nanometre_beside_corners():
+    """The blocks as a drawing with doubled points gives them, against the same path without."""
+    noise = [(10.0 + 3e-6 * k, 2e-6 * (k % 2)) for k in range(1, 8)]
+    points = [(0, 0), (10, 0), *noise, (20, 0), (20, 10), (20.00001, 10), (30, 10)]
+    path, profile = planned(polyline(points), 0.01)
+    plain = planned(polyline([(0, 0), (20, 0), (20, 10), (30, 10)]), 0.01)[1]
+    assert profile.duration <= plain.duration * (1.0 + 1e-3)
+    assert path.counts["absorbed"] == 8
+    assert any("8 blocks of at most" in note for note in path.notes)
+    assert path.line.size == path.u.size - 1 == len(points) - 1
+
+
+@pytest.mark.parametrize("amplitude", [1e-6, 1e-4, 1e-3, 4e-3])
+@pytest.mark.parametrize("pitch", [1e-6, 1e-3, 1e-2])
+def test_zigzag_within_the_tolerance_is_a_line(amplitude, pitch):
+    x = 10.0 + pitch * np.arange(200)
+    points = np.column_stack([x, amplitude * (-1.0) ** np.arange(200)])
+    profile = planned(polyline([(0.0, 0.0), *points, (20.0, 0.0)]), 0.01)[1]
+    assert profile.duration <= 0.5 * (1.0 + 1e-3)  # of the line: (20 mm, 50 mm/s) + 0.05 + 0.05 s
+
+
+@pytest.mark.parametrize("size", [1e-6, 1e-5, 1e-4])
+def test_jitter_and_retraces_at_a_corner(size):
+    rng = np.random.default_rng(7)
+    around = np.array([LEG, 0.0]) + size * rng.uniform(-1.0, 1.0, (300, 2))
+    points = [(0.0, 0.0), (LEG, 0.0), *around, (LEG, LEG)]
+    assert planned(polyline(points), 0.01)[1].duration <= corner_alone(90.0, 0.01) * (1.0 + 1e-3)
+
+
+@pytest.mark.parametrize("size", [1e-6, 1e-5, 1e-4])
+@pytest.mark.parametrize("form", ["arc", "circle", "helix", "line between arcs"])
+def test_tiny_blocks_of_other_forms(size, form):
+    d, x = size, LEG
+    if form == "line between arcs":
+        with_it = [arc((x, x), (0, x), 1), line(x + d, x), arc((2 * x + d, 2 * x), (2 * x + d, x), -1)]
+        without = [arc((x, x), (0, x), 1), arc((2 * x, 2 * x), (2 * x, x), -1)]
+    else:
+        middle = {
+            "arc": [arc((x + d, d), (x, d), 1), line(x + d, x)],
+            "circle": [arc((x, 0), (x, d), 1), line(x, x)],
+            "helix": [arc((x + d, d, d), (x, d, 0), 1), line(x + d, x, d)],
+        }[form]
+        with_it, without = [line(x, 0), *middle], [line(x, 0), line(x, x)]
+    found, wanted = (planned(program(*moves), 0.01)[1].duration for moves in (with_it, without))
+    assert found <= wanted * (1.0 + 1e-3)
+
+
+def test_distance_is_measured_against_the_blocks_as_written(monkeypatch):
+    """Absorbing more than the tolerance must be seen by the measure, which knows nothing of absorption."""
+    monkeypatch.setattr(absorbing, "_SHARES", (4.0,))
+    monkeypatch.setattr(
+        absorbing.Absorbed, "__post_init__", lambda self: self.program.tolerance.setflags(write=True), raising=False
+    )
+    x = np.arange(60)
+    points = np.column_stack([10.0 + 0.01 * x, 0.02 * (x % 2)])
+    source = polyline([(0.0, 0.0), *points, (20.0, 0.0)])
+    blocks = Blocks.of(source, 0.01)
+    assert absorb(source, blocks).largest > 0.01
+    with pytest.raises(SolverError, match="leaves the tolerance"):
+        program_path(source, 0.01, LIMITS)
+
+
+def test_places_go_with_the_blocks():
+    """Every vertex lies beside the point of the simpler program that goes with it, within what that is off."""
+    rng = np.random.default_rng(3)
+    step = rng.choice([1e-5, 1e-3, 5.0], 200)[:, None] * rng.normal(size=(200, 2))
+    points = np.concatenate([np.zeros((1, 2)), np.cumsum(step, axis=0)])
+    source = polyline(points)
+    blocks = Blocks.of(source, 0.01)
+    found = absorb(source, blocks)
+    assert 20 < len(found.program) < 190
+    assert (np.diff(found.place) >= 0.0).all()
+    assert (found.place[0], found.place[-1]) == (0.0, found.edges[-1])
+    left = Blocks.of(found.program, None).programmed
+    away = np.sqrt(np.sum((left.at(found.place)[0] - points) ** 2, axis=1))
+    assert away.max() <= found.largest * (1.0 + 1e-9) + 1e-12
+    assert found.largest <= 0.5 * 0.01
+    assert (found.program.tolerance >= 0.5 * 0.01 * (1.0 - 1e-9)).all()
+
+
+class TestNotAbsorbed:
+    def count(self, *moves, tolerance=0.01):
+        path, profile = planned(program(*moves, feed=50.0), tolerance)
+        return path, profile, path.counts["absorbed"]
+
+    def test_a_block_with_time_of_its_own(self):
+        """1 um at 1 um/s is a second, whatever its length."""
+        path, profile, absorbed = self.count(line(LEG, 0), line(LEG, 1e-3, feed=1e-3), line(LEG, LEG))
+        assert absorbed == 0
+        assert (
+            line_times(program(line(LEG, 0), line(LEG, 1e-3, feed=1e-3), line(LEG, LEG)), path, profile).seconds[1]
+            > 0.9
+        )
+
+    def test_stops_and_rapids(self):
+        moves = [line(LEG, 0, stop=True), line(LEG + 1e-5, 0, stop=True), rapid(LEG + 2e-5, 0), line(LEG, LEG)]
+        path, _, absorbed = self.count(*moves)
+        assert absorbed == 0
+        assert [stop.line for stop in path.stops] == [1, 2, 3]
+
+    def test_exact_stop_mode(self):
+        moves = [line(LEG, 0), line(LEG + 1e-5, 0), line(LEG, LEG)]
+        path, _, absorbed = self.count(*({**move, "tolerance": 0.0} for move in moves))
+        assert absorbed == 0
+        assert len(path.stops) >= 1
+        assert path.deviation.largest == 0.0
+
+    def test_a_smooth_curve_of_short_chords(self):
+        angle = np.linspace(0.0, 1.5, 2001)
+        path = program_path(polyline(10.0 * np.column_stack([np.sin(angle), 1.0 - np.cos(angle)])), 0.01, LIMITS)
+        assert path.counts["absorbed"] == 0
+
+
+def winding_with_dust(seed=11):
+    """A long program: corners, arcs of chords, and dust of all sizes around its vertices."""
+    rng = np.random.default_rng(seed)
+    at, heading, out = np.zeros(2), 0.0, [np.zeros(2)]
+    for _ in range(120):
+        heading += rng.choice([0.1, -0.1, 0.5, 1.5, -1.5])
+        at = at + rng.uniform(1.0, 3.0) * np.array([np.cos(heading), np.sin(heading)])
+        out += [at + 10.0 ** rng.uniform(-6, -3) * rng.normal(size=2) for _ in range(rng.integers(1, 6))]
+    return polyline(rounded(out, 7))
+
+
+def test_windows_absorb_as_the_whole_does(tmp_path, monkeypatch):
+    from planner.programs import parts
+
+    monkeypatch.setattr(parts, "_FIRST_BLOCKS", 120)
+    monkeypatch.setattr(parts, "_MOST_BLOCKS", 120)
+    monkeypatch.setattr(parts, "_FEWEST_BLOCKS", 60)
+    source = winding_with_dust()
+    path, profile = planned(source, 0.01, PLANE)
+    plan = plan_program(source, PLANE, 0.01, output=tmp_path / "plan.npz")
+    assert plan.ok
+    assert plan.duration == pytest.approx(profile.duration, rel=5e-3)
+    assert 0.5e-2 < plan.deviation <= 0.01
+    assert path.counts["absorbed"] > 50
+    rows = [row.split(",") for row in plan.lines.read_text().splitlines() if row[:1].isdigit()]
+    assert [int(row[0]) for row in rows] == source.line.tolist()
+    assert sum(float(row[3]) for row in rows) == pytest.approx(plan.duration, abs=1e-9)
+
+
+def test_lines_add_up_and_absorbed_ones_take_their_share():
+    source = winding_with_dust(4)
+    path, profile = planned(source, 0.01, PLANE)
+    times = line_times(source, path, profile)
+    assert times.line.tolist() == source.line.tolist()
+    assert times.moving == pytest.approx(profile.duration, abs=1e-9)
+    assert (times.seconds >= 0.0).all()
+    assert (np.diff(path.u) >= 0.0).all()
+
+
+@pytest.mark.parametrize("angle", [30.0, 90.0, 149.0])
+def test_the_tolerance_never_makes_a_plan_slower_than_stopping(angle):
+    """From 1 nm to 10 um: a corner, or a stop where the corner is too small to be worth passing."""
+    points = corner(angle)
+    stopping = planned(polyline(points, tolerance=0.0), None)[1].duration
+    before = stopping
+    for tolerance in 10.0 ** np.arange(-7.0, -1.0):
+        path, profile = planned(polyline(points), float(tolerance))
+        assert profile.duration <= stopping * (1.0 + 1e-3)
+        assert profile.duration <= before * (1.0 + 1e-3)
+        assert bool(path.stops) == (tolerance < 5e-6)
+        before = profile.duration
+    assert profile.duration < stopping - 0.015
+
+
+@pytest.mark.parametrize("tolerance", [1e-8, 1e-6, 1e-4])
+def test_tubes_at_tiny_tolerances_stay_small(tolerance):
+    path = program_path(polyline(corner(10.0)), tolerance, LIMITS)
+    assert path.counts["knots"] < 500
+    assert path.deviation_share <= 1.0
