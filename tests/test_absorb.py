@@ -250,7 +250,8 @@ def test_the_tolerance_never_makes_a_plan_slower_than_stopping(angle):
         path, profile = planned(polyline(points), float(tolerance))
         assert profile.duration <= stopping * (1.0 + 1e-3)
         assert profile.duration <= before * (1.0 + 1e-3)
-        assert bool(path.stops) == (tolerance < 5e-6)
+        size = tolerance / (2.0 * np.sin(0.5 * np.deg2rad(angle)))
+        assert bool(path.stops) == (size < 4e-6 * LEG)
         before = profile.duration
     assert profile.duration < stopping - 0.015
 
