@@ -173,7 +173,10 @@ def _chord_share(bend: FloatArray, chord: FloatArray, allowed: float) -> FloatAr
     """Share of the longest chord that stays within ``allowed`` of a circle with the curvature ``bend``.
 
     A chord c leaves a circle of radius r by r - sqrt(r^2 - c^2 / 4); a chord as long as the circle is wide leaves it by r.
+    Without a limit nothing of it is used, however tight the circle.
     """
+    if np.isinf(allowed):
+        return np.zeros_like(bend)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         radius = 1.0 / bend
         error = np.minimum(allowed, radius)
