@@ -30,7 +30,7 @@ _SLIVER = 1e-13  # of the whole
 _SCAN_PER_INTERVAL, _MANY = 2, 20_000
 _MIN_SCAN = 600
 # A stretch between breaks has at least so many: a cubic corner has no curvature at either end, only inside.
-_SCAN_PER_STRETCH = 16
+_SCAN_PER_STRETCH, _GRADED = 16, 20
 # How much of acceleration and jerk the scans let the feed use along the path; the rest is left to the curvature.
 _SCAN_ACCELERATION = 0.7
 _SCAN_JERK = 0.35 * 2.12
@@ -190,11 +190,19 @@ def _dips(section: Section, limits: Limits, weights: FloatArray) -> Dips:
 
 
 def _inside_short(edges: FloatArray, spacing: float) -> FloatArray:
-    """Samples inside the stretches between ``edges`` that are too short for the given spacing to see what they hold."""
+    """Samples inside the stretches between ``edges`` that are too short for the given spacing to see what they hold.
+
+    Beside them there are samples ever further apart, up to that spacing: the feed falls to what such a stretch allows within
+    a way of its own size, and from one far sample to the stretch its time would be guessed much too long.
+    """
     width = np.diff(edges)
     short = np.flatnonzero((width > 0.0) & (width < _SCAN_PER_STRETCH * spacing))
     share = np.arange(1, _SCAN_PER_STRETCH) / _SCAN_PER_STRETCH
-    return np.asarray((edges[short, None] + width[short, None] * share).reshape(-1))
+    inside = edges[short, None] + width[short, None] * share
+    reach = width[short, None] * 2.0 ** np.arange(_GRADED)
+    reach = np.where(reach < spacing, reach, 0.0)
+    beside = np.concatenate([edges[short, None] - reach, edges[short + 1, None] + reach])
+    return np.clip(np.concatenate([inside.reshape(-1), beside.reshape(-1)]), edges[0], edges[-1])
 
 
 def _close_to(dips: Dips, spacing: float) -> FloatArray:

@@ -251,7 +251,7 @@ def test_the_tolerance_never_makes_a_plan_slower_than_stopping(angle):
         assert profile.duration <= stopping * (1.0 + 1e-3)
         assert profile.duration <= before * (1.0 + 1e-3)
         size = tolerance / (2.0 * np.sin(0.5 * np.deg2rad(angle)))
-        assert bool(path.stops) == (size < 4e-6 * LEG)
+        assert bool(path.stops) == (size < 1e-7 * LEG)
         before = profile.duration
     assert profile.duration < stopping - 0.015
 

@@ -93,6 +93,17 @@ def test_every_sawtooth_is_resolved(teeth, tolerance):
         assert_resolved(float(pitch), teeth, tolerance, compared=teeth in {1, 4} and pitch % 3 == 2)
 
 
+@pytest.mark.parametrize("tolerance", [3e-5, 1e-4, 1e-3])
+def test_a_tiny_corner_between_long_legs_saves_its_closed_form(tolerance):
+    """Two legs of 100 mm, 90 degrees: against an exact stop 2 (6 A / J)^(1/3), A = tolerance / sqrt 2, but for a quarter."""
+    points = [(0.0, 0.0), (100.0, 0.0), (100.0, 100.0)]
+    corner, stop = (program_path(polyline(points, tolerance=value), None, PLANE) for value in (tolerance, 0.0))
+    profile = plan_feedrate(corner.curve, PLANE)
+    assert check(corner.curve, PLANE, profile).ok
+    saved = plan_feedrate(stop.curve, PLANE).duration - profile.duration
+    assert 0.7 <= saved / (2.0 * np.cbrt(6.0 * tolerance / np.sqrt(2.0) / 2e4)) <= 1.0
+
+
 def test_deviation_of_the_butterfly_by_brute_force():
     source = read_program(PROGRAMS / "butterfly_5000.ngc")
     path = path_of("butterfly_5000", 1e-2)
