@@ -21,7 +21,8 @@ _CHUNK = 100_000  # points evaluated at once; bounds the memory, changes no resu
 _POINTS_INSIDE, _FEWEST_POINTS = 4, 2500
 _FEWEST_INSIDE = 3  # of an interval: both ends and the middle
 _END = 1e-6  # of an interval: so near its ends the jerk is its own
-_CHORD_PLACES = np.array([0.25, 0.5, 0.75])  # of a period; the chord is farthest from the path near its middle
+_PLACES_APART = 0.25
+_CHORD_PLACES = 0.5 + _PLACES_APART * np.array([-1.0, 0.0, 1.0])  # of a period: the path is farthest near its middle
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,12 +207,20 @@ def _longest(profile: FeedrateProfile, edges: FloatArray) -> NDArray[np.int8]:
 
 def _off_chord(tip: Curve, u: FloatArray) -> FloatArray:
     """Largest distance of the path between neighbours of u (m,) from the chord between them, (m - 1,), mm."""
-    between = u[:-1, None] + np.diff(u)[:, None] * _CHORD_PLACES
-    path = tip.derivatives(np.clip(between, *tip.domain), 0)[0]
     ends = tip.derivatives(u, 0)[0]
     start, chord = ends[:-1, None], np.diff(ends, axis=0)[:, None]
     square = np.sum(chord**2, axis=-1)
-    off = path - start
-    along = np.divide(np.sum(off * chord, axis=-1), square, out=np.zeros(off.shape[:2]), where=square > 0.0)
-    apart = np.sum((off - np.clip(along, 0.0, 1.0)[..., None] * chord) ** 2, axis=-1)
-    return np.asarray(np.sqrt(apart.max(axis=1)))
+
+    def distance(places: FloatArray) -> FloatArray:
+        between = u[:-1, None] + np.diff(u)[:, None] * places
+        off = tip.derivatives(np.clip(between, *tip.domain), 0)[0] - start
+        along = np.divide(np.sum(off * chord, axis=-1), square, out=np.zeros(off.shape[:2]), where=square > 0.0)
+        return np.asarray(np.sqrt(np.sum((off - np.clip(along, 0.0, 1.0)[..., None] * chord) ** 2, axis=-1)))
+
+    found = distance(_CHORD_PLACES)
+    first, middle, last = found.T
+    # Where the parameter does not run evenly the path is farthest beside the middle: at the vertex of a parabola.
+    bend = first - 2.0 * middle + last
+    vertex = np.divide(first - last, 2.0 * bend, out=np.zeros_like(bend), where=bend < 0.0)
+    places = _CHORD_PLACES[1] + _PLACES_APART * np.clip(vertex, -1.0, 1.0)
+    return np.asarray(np.maximum(found.max(axis=1), distance(places[:, None])[:, 0]))

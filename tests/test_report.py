@@ -223,19 +223,33 @@ class TestThinning:
             time = [inside[(binding == kind) & (inside > 0.0)].sum() for kind in range(3)]
             assert traces.binding[k] == int(np.argmax(time))
 
+    @staticmethod
+    def uneven_samples(seed):
+        """Samples of the circle at random parameters: chords of up to 25 degrees, some over the joint of two pieces."""
+        u = np.sort(np.random.default_rng(seed).uniform(*CIRCLE.domain, 200))
+        u[0], u[-1] = CIRCLE.domain
+        return Samples(1e-3, 1e-3 * np.arange(200), u, CIRCLE.derivatives(u, 0)[0])
+
+    @pytest.mark.parametrize(
+        "seeds", [range(0, 1001, 20), pytest.param(range(1001), marks=pytest.mark.slow)], ids=["some", "all"]
+    )
+    def test_chord_errors_are_those_of_the_closed_form(self, seeds):
+        for seed in seeds:
+            samples = self.uneven_samples(seed)
+            angle = np.diff(CIRCLE.arclength.s(samples.u)) / RADIUS
+            error = trace_chord_error(CIRCLE, samples, 1000).low["chord error"]
+            assert error == pytest.approx(RADIUS * (1.0 - np.cos(0.5 * angle)), rel=2e-4, abs=1e-6), seed
+
     @settings(max_examples=20)
     @given(seed=st.integers(0, 1000), most=st.integers(2, 60))
     def test_chords_keep_their_extremes(self, seed, most):
-        rng = np.random.default_rng(seed)
-        u = np.sort(rng.uniform(*CIRCLE.domain, 200))
-        u[0], u[-1] = CIRCLE.domain
-        samples = Samples(1e-3, 1e-3 * np.arange(200), u, CIRCLE.derivatives(u, 0)[0])
+        samples = self.uneven_samples(seed)
         whole, thin = trace_chord_error(CIRCLE, samples, 1000), trace_chord_error(CIRCLE, samples, most)
         error = whole.low["chord error"]
-        angle = np.diff(CIRCLE.arclength.s(u)) / RADIUS
-        assert error == pytest.approx(RADIUS * (1.0 - np.cos(0.5 * angle)), rel=1e-3, abs=1e-6)
         bucket = np.clip(np.searchsorted(thin.t, whole.t, side="right") - 1, 0, most - 1)
-        for k in np.unique(bucket):
+        assert thin.t.size == most
+        assert np.array_equal(np.unique(bucket), np.arange(most))
+        for k in range(most):
             assert thin.low["chord error"][k] == error[bucket == k].min()
             assert thin.high["chord error"][k] == error[bucket == k].max()
 
