@@ -21,7 +21,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from planner.bounds import section_bound
 from planner.constraints import Constraints, Parameter, build
@@ -32,7 +31,7 @@ from planner.law import SpeedLaw, TimeNodes, Utilisation, utilisation
 from planner.limits import Limits
 from planner.profile import BINDING_SHARE
 from planner.sections import Section
-from planner.sensitivity import saved_by_one_percent, slowest
+from planner.sensitivity import SpeedBound, saved_by_one_percent
 from planner.solvers import optimal
 from planner.solvers.optimal import Solution, Waypoint
 
@@ -175,7 +174,7 @@ class Stage:
     grid: Grid
     problem: Constraints
     path: Parameter
-    slowest: NDArray[np.int8]
+    speed: SpeedBound
 
     @classmethod
     def on(cls, task: Task, grid: Grid) -> Stage:
@@ -183,13 +182,14 @@ class Stage:
         problem, path = build(task.section, task.limits, grid, task.guess, periodic=task.periodic)
         # of the path only what is needed from here on: a long one has no memory to spare
         parameter = Parameter(path.u, path.rounding)
+        speed = SpeedBound.of(task.limits, path, problem)
         if task.prescribed:
             problem = _tightened(problem, *[1.0 + _PRESCRIBED_MARGIN] * 3)
         if task.section.reserve:
             begins, unused = (np.array(column) for column in zip(*task.section.reserve, strict=True))
             left = np.append(1.0, 1.0 - unused)[np.searchsorted(begins, path.u[0], side="right")]
             problem = _tightened(problem, *[1.0 / left] * 3)
-        return cls(grid, problem, parameter, slowest(task.limits, path))
+        return cls(grid, problem, parameter, speed)
 
     def solve(self, task: Task, before: Attempt | None, tolerance: float | None = None) -> Attempt:
         """Solve, from a previous law or from the way to it where there is one."""
@@ -219,7 +219,7 @@ class Stage:
         stats = {"status": solution.status, "iterations": solution.iterations, "gap": solution.gap}
         stats |= {"residual": solution.residual, "intervals": self.grid.intervals, "solve_cpu_s": solution.cpu_s}
         if solution.iterate is not None:
-            saved = saved_by_one_percent(solution.iterate, self.slowest, task.limits, task.section.curve.axes)
+            saved = saved_by_one_percent(solution.iterate, self.speed, task.limits, task.section.curve.axes)
             stats["saved_by_one_percent"] = {name: value * self.problem.time_unit for name, value in saved.items()}
             stats["proven_global"] = solution.status == "optimal" and optimal.is_global(solution.iterate)
         return stats
