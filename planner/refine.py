@@ -202,9 +202,10 @@ class Stage:
         try:
             solution = _run(task, problem, waypoint, before is not None, tolerance)
             if before is not None and solution.status.startswith("stalled"):
-                # A coarse law that fits the finer grid badly is a worse start than none.
-                again = _run(task, self.problem, None, False, tolerance)
-                solution = again if again.time < solution.time else solution
+                # A coarse law that fits the finer grid badly is a worse start than none; where it stalled it is feasible.
+                with suppress(SolverError):
+                    again = _run(task, self.problem, None, False, tolerance)
+                    solution = again if again.time < solution.time else solution
         except SolverError as error:
             if not task.prescribed:
                 raise
@@ -372,7 +373,7 @@ def not_met(section: Section, slowdown: float) -> str:
     """Say that a plan with prescribed feeds exceeds its limits."""
     return (
         f"the plan from start_feed = {section.start_feed or 0.0:g} to end_feed = {section.end_feed or 0.0:g} mm/s "
-        f"still exceeds its limits, {slowdown:.6g} times as fast as allowed; try other feeds or more intervals"
+        f"still exceeds its limits, {slowdown:.9g} times as fast as allowed; try other feeds or more intervals"
     )
 
 

@@ -3,8 +3,8 @@
 The multiplier l of a constraint g(z) <= 0 is the rate at which the time falls when its bound is relaxed.  Relaxing a limit
 by the fraction e moves the scaled bounds of its rows by
 
-    feed, axis velocity   cap (1 + e)^2     2 e        chord error   cap = (2/T)^2 (2 rho d - d^2)    e (2 rho - 2 d) / (2 rho - d)
-    acceleration          1 (1 + e)           e        jerk          x^(-1/2) (1 + e)                 e x^(-1/2)
+    feed, axis velocity   cap (1 + e)^2     2 e        chord error   cap ~ 2 rho d - d^2      2 e (rho - d) / (2 rho - d)
+    acceleration          1 (1 + e)           e        jerk          x^(-1/2) (1 + e)         e x^(-1/2)
 
 (d the chord error, rho the radius), so that the seconds saved by one percent are 0.01 sum(l * bound * power).  At a jump of
 the curvature the cap is what the jerk of an axis leaves of its step in one period: it grows with that jerk.  Where the path
