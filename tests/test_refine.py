@@ -294,8 +294,13 @@ def test_a_plan_with_prescribed_feeds_that_exceeds_its_limits_is_refused() -> No
 
 @pytest.mark.parametrize(
     ("intervals", "share", "expected"),
-    [(None, 1.0, (1000, True)), (None, 0.3, (300, True)), (None, 0.01, (200, True)), (500, 0.5, (250, False))]
-    + [(500, 0.01, (24, False))],
+    [
+        (None, 1.0, (1000, True)),
+        (None, 0.3, (300, True)),
+        (None, 0.01, (200, True)),
+        (500, 0.5, (250, False)),
+        (500, 0.01, (24, False)),
+    ],
 )
 def test_the_effort_is_shared_among_sections(
     intervals: int | None, share: float, expected: tuple[int, bool], monkeypatch: pytest.MonkeyPatch
