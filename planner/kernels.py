@@ -94,9 +94,10 @@ def _peak(values, points, granted):
         if bend < 0.0 and abs(lean) <= (-2.0 * bend if outer else -bend):
             top = max(top, here - lean * lean / (8.0 * bend))
         if n >= 3:
-            error = _PARABOLA * abs(values[n - 3] - 3.0 * before + 3.0 * here - after)
-            # A parabola rises by at most an eighth of its second difference above its points.
-            highest = max(values[n - 3], before, here, after) - 0.125 * min(bend, 0.0) + error
+            third = after - 3.0 * here + 3.0 * before - values[n - 3]
+            error = _PARABOLA * abs(third)
+            # Either parabola rises by at most an eighth of its second difference above its points.
+            highest = max(values[n - 3], before, here, after) - 0.125 * min(bend, bend - third, 0.0) + error
             doubtful = doubtful or (error > _PRECISE and highest > 1.0 + granted)
     return top - granted, doubtful
 

@@ -13,6 +13,7 @@ from planner.geometry.catalog import load_curve
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
 from planner.grid import place_knots, scan, with_blends
+from planner.kernels import _PRECISE, _peak
 from planner.law import SpeedLaw, TimeNodes, _advance, _in_step, utilisation
 from planner.limits import Limits
 from planner.profile import evaluate_law
@@ -268,6 +269,54 @@ def test_a_peak_that_parabolas_miss_is_found_where_it_decides(height):
     peak = by_brute_force(blend, free, nodes, 20001)[2].max()
     limits = Limits(np.inf, [np.inf] * 2, [np.inf] * 2, [peak / height] * 2)
     assert utilisation(blend, limits, nodes).jerk.max() == pytest.approx(height, abs=1e-6)
+
+
+@pytest.mark.parametrize("granted", [0.0, 0.3])
+def test_a_peak_is_sure_or_said_to_be_doubtful(granted):
+    """Cubics near 1 through six points: one that is not said to be doubtful rises nowhere above 1 unless that is seen."""
+    rng, fine = np.random.default_rng(7), np.linspace(0.0, 5.0, 2001)
+    doubts, kept, broken = 0, 0, 0
+    for _ in range(4000):
+        cubic = np.polynomial.Polynomial.fromroots(rng.uniform(-1.0, 6.0, 3)) * rng.choice([-1.0, 1.0])
+        cubic = cubic / np.abs(cubic(np.arange(6))).max() * 10.0 ** rng.uniform(-6.0, 0.0)
+        peak = cubic(fine).max()
+        # at the points alone, or between them, it is about to exceed 1
+        cubic += 1.0 + granted - peak + rng.uniform(-1.0, 1.0) * 0.1 * np.ptp(cubic(fine))
+        peak = cubic(fine).max() - granted
+        top, doubtful = _peak.py_func(cubic(np.arange(6.0)), 5, granted)
+        doubts += doubtful
+        if doubtful:
+            continue
+        if peak <= 1.0:
+            kept += 1
+            assert top <= 1.0 + _PRECISE
+        else:
+            broken += 1
+            assert top > 1.0 - _PRECISE
+    assert min(doubts, kept, broken) > 200
+
+
+def test_a_peak_that_is_far_below_its_limit_is_not_looked_for():
+    values = np.array([0.0, 0.4, 0.1, 0.5, 0.2, 0.3])  # as rough as can be
+    assert not _peak.py_func(values, 5, 0.0)[1]
+    assert _peak.py_func(2.0 * values, 5, 0.0)[1]
+    assert not _peak.py_func(2.0 * values, 5, 1.0)[1]  # granted to rounding
+
+
+def test_rounding_of_a_table_is_granted_and_no_more():
+    """u = 1e5 + v t + j t^3 / 6 at points 1 ms apart: the last digit of u is worth more than the whole jerk limit."""
+    line = NurbsCurve([[0.0, 0.0], [2e5, 0.0]], [0, 0, 2e5, 2e5], 1)
+    t = 1e-3 * np.arange(400)
+    u, rate, acceleration = 1e5 + (10.0 * t + 0.1 * t**3 / 6.0), 10.0 + 0.05 * t**2, 0.1 * t
+    limits = Limits(np.inf, [np.inf] * 2, [np.inf] * 2, [0.5, np.inf])
+    nodes = TimeNodes(t, u, rate, acceleration)
+    assert by_brute_force(line, limits, nodes, 11)[2].max() > 1.0
+    assert utilisation(line, limits, nodes).jerk.max() <= 0.2 * (1.0 + 1e-9)
+    # at a tenth of the digits nothing is left to be granted
+    near = TimeNodes(t, 10.0 * t + 0.1 * t**3 / 6.0, rate, acceleration)
+    assert utilisation(line, limits, near).jerk == pytest.approx(np.full(399, 0.2), abs=2e-3)
+    exact = TimeNodes(t, u, rate, acceleration, np.stack([np.diff(t), np.diff(10.0 * t + 0.1 * t**3 / 6.0)]))
+    assert utilisation(line, limits, exact).jerk == pytest.approx(np.full(399, 0.2), abs=2e-3)
 
 
 @pytest.mark.parametrize("offset", [0.0, 1e3, 1e6])
