@@ -1,9 +1,12 @@
 """From sigma_dot^2 to a time law: its integral, its derivatives, and how far it uses the limits between its nodes."""
 
+from fractions import Fraction
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from program_blocks import line as block
+from program_blocks import program
 from scipy.integrate import quad
 from scipy.interpolate import CubicSpline
 from strategies import random_nurbs
@@ -14,9 +17,10 @@ from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
 from planner.grid import place_knots, scan, with_blends
 from planner.kernels import _PRECISE, _peak
-from planner.law import SpeedLaw, TimeNodes, _advance, _in_step, utilisation
+from planner.law import SpeedLaw, TimeNodes, _advance, _in_step, _points, utilisation
 from planner.limits import Limits
 from planner.profile import evaluate_law
+from planner.programs.path import program_path
 from planner.sections import cut
 
 W = np.sqrt(0.5)
@@ -132,6 +136,57 @@ def test_slower_clock():
     assert np.array_equal(slow.t, 2.0 * nodes.t)
     assert np.array_equal(slow.u_rate, nodes.u_rate / 2.0)
     assert np.array_equal(slow.u_acceleration, nodes.u_acceleration / 4.0)
+
+
+def test_a_law_that_would_fall_back_into_a_stop_is_held_forward():
+    """Towards rest over h and D with rate v, u' = (h - t)^2 p(t) stays >= 0 where 20 D >= 8 v h + a h^2."""
+    line = NurbsCurve([[0.0, 0.0], [10.0, 0.0]], [0, 0, 1, 1], 1)
+    free = Limits(np.inf, [np.inf] * 2, [np.inf] * 2, [1.0, 1.0])
+    t = np.array([0.0, 0.5, 1.5, 2.0])
+    u = np.array([0.0, 0.1, 0.9, 1.0])
+    rate = np.array([0.0, 0.45, 0.45, 0.0])
+    nodes = TimeNodes(t, u, rate, np.array([0.0, -2.0, 2.0, 0.0]))
+    assert utilisation(line, free, nodes).backward[[0, 2]].min() > 0.0
+    nodes._keep_forward_at_stops()
+    assert nodes.u_acceleration == pytest.approx([0.0, -0.8, 0.8, 0.0], rel=1e-12)  # (20 D / h - 8 v) / h
+    assert utilisation(line, free, nodes).backward.max() <= 1e-12
+    held = TimeNodes(t, u, rate, np.array([0.0, 0.3, -0.3, 0.0]))
+    held._keep_forward_at_stops()
+    assert held.u_acceleration.tolist() == [0.0, 0.3, -0.3, 0.0]
+    moving = TimeNodes(t, u, rate + 0.1, np.array([0.0, -2.0, 2.0, 0.0]))
+    moving._keep_forward_at_stops()
+    assert moving.u_acceleration.tolist() == [0.0, -2.0, 2.0, 0.0]
+
+
+def test_midpoints_know_what_they_are_rounded_by():
+    rng = np.random.default_rng(2)
+    sigma = np.sort(np.concatenate([10.0 ** rng.uniform(-12.0, 0.0, 200), 1.0 + rng.uniform(0.0, 1e-9, 200)]))
+    law = SpeedLaw(sigma, *np.ones((3, sigma.size)))
+    middle = 0.5 * (sigma[:-1] + sigma[1:])
+    off = [
+        float(Fraction(m) - (Fraction(a) + Fraction(b)) / 2) for m, a, b in zip(middle, sigma, sigma[1:], strict=False)
+    ]
+    assert law._midpoint_rounding().tolist() == off
+    assert np.count_nonzero(off) > 50
+
+
+@pytest.mark.parametrize("shift", [0.0, 1e3])
+def test_beside_a_stop_the_law_is_that_of_the_path_and_not_of_the_digits_of_u(shift):
+    """The jerk of each interval's quintic at its ends is that of the cubic there; a digit of u is worth far more."""
+    curve = FormulaCurve({"X": f"30*cos(u-{shift})", "Y": f"18*sin(u-{shift})"}, (0.2 + shift, 3.0 + shift))
+    _, path, law, _ = law_on(curve, intervals=400)
+    nodes = law.nodes(path)
+    (h, advance), v, a = nodes.steps, nodes.u_rate, nodes.u_acceleration
+    rest = advance - h * (v[:-1] + 0.5 * a[:-1] * h)
+    c3 = (10.0 * rest - 4.0 * h * (v[1:] - v[:-1] - a[:-1] * h) + 0.5 * h**2 * (a[1:] - a[:-1])) / h**3
+    x, slope, bend = np.empty((3, path.u.shape[1]))
+    x[::2], slope[::2], bend[::2] = law.x, law.a, law.c
+    x[1::2], slope[1::2] = law.at(0.5 * (law.sigma[1:] + law.sigma[:-1])), np.nan
+    exact = (path.u[3] * x + 3.0 * path.u[2] * slope + path.u[1] * bend)[::2] * np.sqrt(law.x)
+    near = np.arange(1, 20)
+    scale = np.abs(exact[near]).max()
+    assert np.count_nonzero(path.rounding) > 20
+    assert 6.0 * c3[2 * near] == pytest.approx(exact[near], abs=2e-2 * scale)
 
 
 # ---- utilisation ---------------------------------------------------------------------------------------------------
@@ -319,6 +374,20 @@ def test_rounding_of_a_table_is_granted_and_no_more():
     assert utilisation(line, limits, exact).jerk == pytest.approx(np.full(399, 0.2), abs=2e-3)
 
 
+@pytest.mark.parametrize("offset", [0.0, 1e6])
+def test_the_advance_is_exact_for_a_rate_of_the_fifth_degree(offset):
+    u = np.polynomial.Polynomial([0.0, 3.0, -1.0, 0.7, 0.2, -0.4, 0.3])
+    t = np.array([0.0, 0.25, 0.75, 1.0])
+    found = _advance(np.diff(t), np.stack([offset + u(t), *(u.deriv(k)(t) for k in (1, 2, 3))]))
+    assert found == pytest.approx(np.diff(u(t)), rel=1e-14)
+
+
+def test_over_long_intervals_the_difference_is_the_advance():
+    t = np.linspace(0.0, 6.0, 4)
+    u = np.stack([np.sin(t), np.cos(t), -np.sin(t), -np.cos(t)])
+    assert np.array_equal(_advance(np.diff(t), u), np.diff(np.sin(t)))
+
+
 @pytest.mark.parametrize("offset", [0.0, 1e3, 1e6])
 def test_steps_of_close_nodes_are_those_of_the_law_and_not_of_its_digits(offset):
     """u = offset + sin t / 3 at points 1e-5 apart: the last digits of u are worth more than the whole third derivative."""
@@ -343,6 +412,40 @@ def test_every_interval_of_a_long_law_has_its_peak_estimated():
     used = utilisation(curve, limits, nodes).jerk
     exact = by_brute_force(curve, limits, nodes)[2]
     assert used == pytest.approx(exact, rel=1e-3)
+
+
+def test_a_law_that_falls_back_says_how_fast():
+    line = NurbsCurve([[0.0, 0.0], [10.0, 0.0]], [0, 0, 1, 1], 1)
+    free = Limits(np.inf, [np.inf] * 2, [np.inf] * 2, [1.0, 1.0])
+    nodes = TimeNodes(
+        np.array([0.0, 1.0, 2.0]), np.array([0.0, 0.5, 1.0]), np.array([0.5, 2.0, 0.1]), np.array([0.0, 0.0, 0.0])
+    )
+    fine = [
+        evaluate_law(*(c[k : k + 2] for c in (nodes.t, nodes.u, nodes.u_rate, nodes.u_acceleration)), at)[1]
+        for k, at in enumerate(np.linspace([0.0, 1.0], [1.0, 2.0], 5001).T)
+    ]
+    used = utilisation(line, free, nodes)
+    assert min(rates.min() for rates in fine) < -0.1
+    assert used.backward == pytest.approx([max(0.0, -rates.min()) for rates in fine], rel=1e-2)
+
+
+def test_feeds_that_the_path_commands_are_those_of_each_interval():
+    blocks = (block(4, 0, feed=2.0), block(5, 0, feed=4.0), block(10, 0, feed=8.0))
+    path = program_path(program(*blocks), 0.01, Limits(np.inf, [250.0] * 2, [1000.0] * 2, [20000.0] * 2)).curve
+    free = Limits(5.0, *[[np.inf] * path.dim] * 3, axes=path.axes)
+    u = np.arange(11.0)
+    used = utilisation(path, free, TimeNodes(u, u, np.ones(11), np.zeros(11)))
+    assert used.speed == pytest.approx([0.5] * 4 + [0.25] + [0.2] * 5, rel=1e-12)
+
+
+def test_a_stretch_between_breaks_has_forty_points_however_few_its_intervals():
+    """Breaks at 1, 2 and 3: one interval, two of unequal times, and ninety-seven."""
+    points = [[0.0, 0.0], [1.0, 1.0], [2.0, 0.0], [3.0, 1.0], [4.0, 0.0]]
+    zigzag = NurbsCurve(points, [0, 0, 1, 2, 3, 4, 4], 1)
+    u = np.concatenate([[0.0, 1.0, 1.25, 2.0, 3.0], np.linspace(3.0, 4.0, 98)[1:]])
+    nodes = TimeNodes(u, u, np.ones(u.size), np.zeros(u.size))
+    found = _points(zigzag, nodes, np.diff(u))
+    assert found.tolist() == [40, 10, 30, 40, *[5] * 97]
 
 
 def test_rotary_axes_and_a_resting_tip():

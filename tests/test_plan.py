@@ -412,9 +412,13 @@ def test_a_plan_with_feeds_at_its_ends_keeps_its_limits_or_is_an_error(end: floa
 
 
 def test_progress_is_a_share() -> None:
-    said: list[float | None] = []
-    plan_feedrate(load_curve("butterfly-nurbs"), plane(), progress=lambda text, share: said.append(share))
-    assert all(share is None or 0.0 <= share <= 1.0 for share in said)
+    said: list[tuple[str, float | None]] = []
+    plan_feedrate(square(20.0), plane(), progress=lambda text, share: said.append((text, share)))
+    shares = [share for _, share in said]
+    assert all(share is None or 0.0 <= share <= 1.0 for share in shares)
+    assert [entry for entry in said if entry[0].startswith("section")] == [
+        (f"section {k + 1} of 4", pytest.approx(0.25 * k)) for k in range(4)
+    ]
 
 
 def test_a_path_of_rotary_axes_alone_is_planned_checked_and_drawn(tmp_path: Path) -> None:

@@ -220,6 +220,17 @@ def test_idle_is_the_share_of_the_time_in_which_nothing_binds() -> None:
     assert Attempt(attempt.law, None, np.ones(time.size), {}).idle == pytest.approx(1.0)
 
 
+def test_an_interval_is_idle_by_simpsons_rule(monkeypatch: pytest.MonkeyPatch) -> None:
+    task, stage = task_of()
+    used = np.ones(stage.problem.cap.size)
+    used[[20, 41, 60, 61, 62]] = 0.98
+    monkeypatch.setattr(type(stage.problem), "used", lambda *_: used)
+    found = stage.solve(task, None).unbound * 6.0
+    wanted = np.zeros(stage.grid.intervals)
+    wanted[[9, 10, 20, 29, 30, 31]] = 1.0, 1.0, 4.0, 1.0, 6.0, 1.0
+    assert found == pytest.approx(wanted)
+
+
 def test_the_larger_half_stands_for_an_interval_and_none_for_an_empty_one() -> None:
     grid = SimpleNamespace(sigma=np.array([0.0, 1.0, 1.0, 3.0]))
     # halves of the first, the empty one, halves of the last

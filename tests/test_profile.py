@@ -1,0 +1,112 @@
+"""The profile as a function of time, and the limit that it names at each node."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from planner import FeedrateProfile, InputError, Limits, load_curve
+from planner.geometry.curve import Curve
+from planner.geometry.nurbs import NurbsCurve
+from planner.law import TimeNodes
+from planner.profile import make_profile
+
+LINE = NurbsCurve([[0.0, 0.0], [40.0, 30.0]], [0, 0, 50, 50], 1)
+
+
+def law_of(*coefficients: float) -> TimeNodes:
+    """Twenty-one nodes, over one second, of a polynomial u(t) from 0 to 50 with these coefficients from t on."""
+    p = np.polynomial.Polynomial([0.0, *coefficients]) * (50.0 / sum(coefficients))
+    t = np.linspace(0.0, 1.0, 21)
+    u = p(t)
+    u[-1] = 50.0
+    return TimeNodes(t, u, p.deriv(1)(t), p.deriv(2)(t))
+
+
+def named(curve: Curve, limits: Limits, nodes: TimeNodes, slowed: float | None = None) -> list[str]:
+    if slowed is not None:
+        nodes = nodes.dilated(slowed)
+    factors = None if slowed is None else np.full(nodes.t.size, slowed)
+    columns = (nodes.t, nodes.u, nodes.u_rate, nodes.u_acceleration)
+    profile = make_profile(curve, limits, columns, method="given", slowed=factors)
+    return [profile.limit_names[k] for k in profile.binding]
+
+
+def limits_with(**changes: object) -> Limits:
+    free = [np.inf] * 2
+    return Limits(**({"feed": np.inf, "velocity": free, "acceleration": free, "jerk": free} | changes))  # type: ignore[arg-type]
+
+
+# u = 50 (t + t^2 + t^3) / 3 along a line at 3-4-5: rates at the end 100, 133.3 and 100 mm/s, mm/s^2 and mm/s^3
+CASES = {
+    "feed": {"feed": 100.0},
+    "velocity X": {"velocity": [80.0, np.inf]},
+    "velocity Y": {"velocity": [np.inf, 60.0]},
+    "acceleration X": {"acceleration": [400.0 / 3.0 * 0.8, np.inf]},
+    "acceleration Y": {"acceleration": [np.inf, 400.0 / 3.0 * 0.6]},
+    "jerk X": {"jerk": [80.0, np.inf]},
+    "jerk Y": {"jerk": [np.inf, 60.0]},
+    "tangential acceleration": {"tangential_acceleration": 400.0 / 3.0},
+    "tangential jerk": {"tangential_jerk": 100.0},
+}
+
+
+@pytest.mark.parametrize("slowed", [None, 1.1])
+@pytest.mark.parametrize("name", CASES)
+def test_what_is_used_up_to_one_percent_binds_slowed_down_or_not(name: str, slowed: float | None) -> None:
+    nodes = law_of(1.0, 1.0, 1.0)
+    everywhere = "jerk" in name
+    for share, binds in ((0.9895, False), (0.9905, True)):
+        changes = {key: np.asarray(value) / share for key, value in CASES[name].items()}
+        found = named(LINE, limits_with(**changes), nodes, slowed)
+        assert found[-1] == (name if binds else "none")
+        assert set(found[:-1]) == ({name} if binds and everywhere else {"none"})
+
+
+@pytest.mark.parametrize("slowed", [None, 1.1])
+def test_the_chord_error_binds_slowed_down_or_not(slowed: float | None) -> None:
+    circle = load_curve("circle")  # radius 50 mm
+    t = np.linspace(0.0, circle.length / 80.0, 41)
+    u = circle.arclength.u(80.0 * t)
+    u[0], u[-1] = circle.domain
+    speed = np.sqrt(np.sum(circle.derivatives(u, 1)[1] ** 2, axis=-1))
+    nodes = TimeNodes(t, u, 80.0 / speed, np.zeros(41))
+    for share, binds in ((0.985, False), (0.995, True)):
+        half = 0.5 * 80.0 / share * 1e-3
+        limits = limits_with(chord_error=50.0 - np.sqrt(50.0**2 - half**2))
+        assert set(named(circle, limits, nodes, slowed)) == {"chord error" if binds else "none"}
+
+
+def test_of_several_limits_the_one_used_most_is_named() -> None:
+    limits = limits_with(feed=100.0 / 0.992, velocity=[80.0 / 0.994, 60.0 / 0.993], tangential_jerk=100.0 / 0.991)
+    found = named(LINE, limits, law_of(1.0, 1.0, 1.0))
+    assert found == [*["tangential jerk"] * 20, "velocity X"]
+
+
+def test_shares_are_those_of_the_time_nearest_to_a_node() -> None:
+    nodes = law_of(1.0, 1.0, 1.0)
+    profile = make_profile(LINE, limits_with(), (nodes.t, nodes.u, nodes.u_rate, nodes.u_acceleration), method="given")
+    binding = np.array([1] * 5 + [2] * 10 + [0] * 6, dtype=np.int8)
+    found = FeedrateProfile(**(vars(profile) | {"binding": binding})).shares()
+    assert list(found) == [profile.limit_names[k] for k in (2, 0, 1)]
+    assert list(found.values()) == pytest.approx([0.5, 0.275, 0.225])
+
+
+def test_a_time_outside_of_a_plan_is_named() -> None:
+    nodes = law_of(1.0)
+    profile = make_profile(LINE, limits_with(), (nodes.t, nodes.u, nodes.u_rate, nodes.u_acceleration), method="given")
+    assert profile.at([0.0, 1.0]).u.tolist() == [0.0, 50.0]
+    for outside, first in (([0.5, -0.1, 2.0], "-0.1"), ([1.5], "1.5"), ([np.nan], "nan")):
+        with pytest.raises(InputError, match=rf"t = {first} must lie within \[0, 1\.0\]"):
+            profile.at(outside)
+
+
+def test_a_double_node_holds_either_side_of_a_break() -> None:
+    """A corner at u = 1 where |C'| doubles: the left node reads the first leg, the right one the second."""
+    bent = NurbsCurve([[0.0, 0.0], [1.0, 0.0], [1.0, 2.0]], [0, 0, 1, 2, 2], 1)
+    t, u = np.array([0.0, 1.0, 1.0, 2.0]), np.array([0.0, 1.0, 1.0, 2.0])
+    profile = make_profile(bent, limits_with(), (t, u, np.array([0.5, 1.5, 1.5, 0.5]), np.zeros(4)), method="given")
+    assert profile.feed.tolist() == [0.5, 1.5, 3.0, 1.0]
+    # the jerk of the interval after a node; before a break and at the end, of the one before
+    inner = 6.0 * (10.0 * (1.0 - 0.5) - 4.0 * 1.0)
+    assert profile.jerk == pytest.approx([inner, -inner, -2.0 * inner, 2.0 * inner], rel=1e-12)
