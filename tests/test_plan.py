@@ -318,11 +318,51 @@ def test_certified_bound_meets_the_plan() -> None:
         ({"budget": 0.0}, InputError, "budget = 0.0 s must be > 0"),
         ({"start_feed": 101.0}, InfeasibleError, "above the feed limit there, 100 mm/s"),
         ({"periodic": True}, InputError, "the ends of line are 1 apart"),
+        ({"intervals": 23}, InputError, r"intervals = 23 must lie within \[24, 20000000\]"),
+        ({"intervals": 20_000_001}, InputError, "intervals = 20000001 must lie within"),
+        ({"periodic": True, "method": "scurve"}, InputError, "not by 'scurve'"),
+        ({"periodic": True, "start_feed": 1.0}, InputError, "start_feed and end_feed must be 0"),
+        ({"reserve": [(0.5, 0.1), (0.2, 0.1)]}, InputError, "must be increasing parameters"),
+        ({"reserve": [(0.5, 1.0)]}, InputError, r"each with a share in \[0, 1\)"),
+        ({"reserve": [(0.5, -0.1)]}, InputError, r"each with a share in \[0, 1\)"),
     ],
 )
 def test_bad_arguments_are_named(changes: dict[str, object], error: type[Exception], words: str) -> None:
     with pytest.raises(error, match=words):
         plan_feedrate(line(1.0), plane(), **changes)  # type: ignore[arg-type]
+
+
+def test_a_reserve_is_left_unused_from_its_parameter_on() -> None:
+    curve, limits = load_curve("butterfly", scale=10.0), plane()
+    middle = 0.5 * sum(curve.domain)
+    profile = plan_feedrate(curve, limits, reserve=[(middle, 0.1)])
+    t = np.linspace(0.0, profile.duration, 20_001)
+    law = profile.at(t)
+    q = curve.derivatives(law.u, 2)
+    share = np.abs(q[2] * law.u_rate[:, None] ** 2 + q[1] * law.u_acceleration[:, None]).max(axis=1) / 1000.0
+    after = law.u > middle + 0.01 * np.diff(curve.domain)[0]
+    assert 0.99 < share[~after].max() <= 1.0 + 1e-6
+    assert 0.89 < share[after].max() <= 0.9 * (1.0 + 1e-3)  # room is meant, not a limit
+    assert profile.duration > plan_feedrate(curve, limits, reserve=[(middle, 0.0)]).duration
+
+
+def test_sections_are_chained_without_a_gap() -> None:
+    """Four sides of a square of one length take one time; at a stop two nodes share it."""
+    profile = plan_feedrate(square(20.0), plane())
+    double = np.flatnonzero(np.diff(profile.t) == 0.0)
+    assert profile.u[double].tolist() == profile.u[double + 1].tolist() == [1.0, 2.0, 3.0]
+    assert profile.t[double] == pytest.approx(profile.duration * np.array([0.25, 0.5, 0.75]), rel=1e-4)
+    assert (np.diff(profile.t) >= 0.0).all()
+    one = plan_feedrate(line(20.0), plane(), intervals=250)
+    four = plan_feedrate(square(20.0), plane(), intervals=1000)
+    assert four.duration == pytest.approx(4.0 * one.duration, rel=1e-6)
+    assert four.lower_bound == pytest.approx(4.0 * one.lower_bound, rel=1e-6)
+    for key in ("intervals", "iterations"):
+        assert four.stats[key] == pytest.approx(4 * one.stats[key], rel=0.1)
+    assert sum(four.stats["saved_by_one_percent"].values()) == pytest.approx(
+        4.0 * sum(one.stats["saved_by_one_percent"].values()), rel=1e-3
+    )
+    assert (four.stats["sections"], four.stats["periodic"], four.stats["exact_stop"]) == (4, False, False)
 
 
 def test_an_entry_feed_that_cannot_be_braked_is_infeasible() -> None:

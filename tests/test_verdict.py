@@ -1,0 +1,159 @@
+"""The words of a verdict: what is shown, what is summed up, and how a violation is told."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from interp import replay
+from planner import Limits, check, load_curve, plan_feedrate
+from planner.check import Report, Row
+from planner.verdict import Verdict, quantity, to_json, to_text
+
+CURVE = load_curve("teardrop")
+LIMITS = Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2)
+
+
+@pytest.fixture(scope="module")
+def sound() -> Verdict:
+    profile = plan_feedrate(CURVE, LIMITS, intervals=200)
+    samples = replay(CURVE, profile)
+    return Verdict(profile, LIMITS, "mill", samples, check(CURVE, LIMITS, profile), check(CURVE, LIMITS, samples))
+
+
+def text_of(verdict: Verdict) -> str:
+    out = io.StringIO()
+    Console(width=200, file=out).print(to_text(verdict))
+    return out.getvalue()
+
+
+def with_stats(verdict: Verdict, **stats: Any) -> Verdict:
+    return replace(verdict, profile=replace(verdict.profile, stats={**verdict.profile.stats, **stats}))
+
+
+def with_shares(verdict: Verdict, **shares: float) -> Verdict:
+    """A plan of equal intervals of which each limit holds such a share."""
+    names = ("none", *shares)
+    counts = [round(100_000 * share) for share in shares.values()]
+    binding = np.repeat(np.arange(len(names)), [100_000 - sum(counts), *counts]).astype(np.int8)
+    t = np.linspace(0.0, 1.0, 100_000)
+    columns = {key: np.zeros(100_000) for key in ("u", "u_rate", "u_acceleration", "s", "feed", "acceleration", "jerk")}
+    profile = replace(verdict.profile, t=t, binding=binding, limit_names=names, **columns)
+    return replace(verdict, profile=profile)
+
+
+def report_with(report: Report, *rows: tuple[int, float, bool]) -> Report:
+    """The same report with other ratios in some rows."""
+    found = list(report.rows)
+    for k, ratio, ok in rows:
+        found[k] = replace(found[k], ratio=ratio, worst=ratio * found[k].allowed, ok=ok)
+    return replace(report, rows=tuple(found))
+
+
+def at(report: Report, limit: str, axis: str = "") -> int:
+    return next(k for k, row in enumerate(report.rows) if (row.limit, row.axis) == (limit, axis))
+
+
+def test_a_sound_plan(sound: Verdict) -> None:
+    text = text_of(sound)
+    assert sound.ok
+    assert f"OK  every limit holds, for the plan and for its {sound.samples.t.size} samples" in text
+    assert sound.gap == pytest.approx(sound.profile.duration / sound.profile.lower_bound - 1.0, rel=1e-12)
+    assert f"{sound.profile.duration:.6g} s" in text
+    assert f"the gap is at most {100.0 * sound.gap:.2f}%" in text
+    assert "planned in" not in text
+    assert "planned in 0.25 s" in text_of(replace(sound, planning_time=0.25))
+
+
+@pytest.mark.parametrize("bound", [np.nan, 0.0])
+def test_without_a_bound_there_is_no_gap(sound: Verdict, bound: float) -> None:
+    verdict = replace(sound, profile=replace(sound.profile, lower_bound=bound))
+    assert math.isnan(verdict.gap)
+    assert "none from this method" in text_of(verdict)
+    assert json.loads(to_json(verdict))["gap"] is None
+
+
+def test_ten_percent_more_of_the_four_limits_worth_most(sound: Verdict) -> None:
+    duration = sound.profile.duration
+    worth = {name: 1e-5 * duration * share for name, share in zip("abcdef", (50, 20, 10, 5, 4, 0.9), strict=True)}
+    text = text_of(with_stats(sound, saved_by_one_percent=worth))
+    shown = ", ".join(f"{name} saves {10.0 * worth[name]:.3g} s" for name in "abcd")
+    assert shown in text
+    assert "e saves" not in text
+    for share, said in ((1.01, True), (0.99, False)):
+        one = with_stats(sound, saved_by_one_percent={"jerk X": 1e-5 * duration * share})
+        assert ("jerk X saves" in text_of(one)) is said
+
+
+def test_small_shares_are_summed_up(sound: Verdict) -> None:
+    text = text_of(with_shares(sound, feed=0.9, jerk=0.006, velocity=0.003, chord=0.002))
+    assert "feed 90.0%, no limit 8.9%, jerk 0.6%, others 0.5%" in text
+    assert "others" not in text_of(with_shares(sound, feed=0.9, jerk=0.006))
+
+
+@pytest.mark.parametrize(("count", "shown"), [(8, 8), (9, 7)])
+def test_many_notes_are_cut_short(sound: Verdict, count: int, shown: int) -> None:
+    text = text_of(with_stats(sound, notes=[f"note number {k}." for k in range(count)]))
+    assert [f"note number {k}." in text for k in range(count)] == [k < shown for k in range(count)]
+    assert (f"{count - shown} more notes are in --json" in text) is (count > shown)
+
+
+def test_a_plan_that_is_not_the_optimum_says_so(sound: Verdict) -> None:
+    for status, said in (("optimal", False), ("feasible", False), ("budget", True), ("slowed down by 2 %", True)):
+        notes = with_stats(sound, status=status).notes
+        assert any(f"not the optimum ({status})" in note for note in notes) is said
+
+
+def test_what_is_broken_is_counted_and_the_worst_is_told(sound: Verdict) -> None:
+    plan, samples = sound.plan_report, sound.samples_report
+    broken = replace(
+        sound,
+        plan_report=report_with(plan, (at(plan, "jerk", "Y"), 1.02, False)),
+        samples_report=report_with(
+            samples, (at(samples, "feed"), 1.0000004, False), (at(samples, "acceleration", "X"), 12.34, False)
+        ),
+    )
+    text = text_of(broken)
+    row: Row = broken.samples_report.row("acceleration", "X")
+    assert not broken.ok
+    assert "LIMIT BROKEN" in text
+    assert "OK  every" not in text
+    assert (
+        "1 of the plan, 2 of the samples; the worst is acceleration X of the samples: 12340 mm/s^2 at "
+        f"t = {row.t:.6g} s, u = {row.u:.6g}, where 1000 mm/s^2 is allowed"
+    ) in text
+    cells = {line.split("  ")[0].strip(): line for line in text.splitlines()}
+    assert "12.3 x" in cells["acceleration X"]
+    assert "102.0%" in cells["jerk Y"]
+    assert "> 100.0%" in cells["feed"]
+    assert "> " not in cells["jerk Y"]
+    for side in ("plan_report", "samples_report"):
+        assert not replace(sound, **{side: getattr(broken, side)}).ok  # type: ignore[arg-type]
+    facts = json.loads(to_json(broken))
+    assert facts["ok"] is False
+    assert sum(not row["ok"] for row in facts["checks"]["plan"]) == 1
+
+
+def test_limits_that_are_absent_are_not_shown(sound: Verdict) -> None:
+    lines = [line.split("  ")[0].strip() for line in text_of(sound).splitlines()]
+    assert "jerk X" in lines
+    assert not {"chord error", "tangential jerk", "path end"} & set(lines)
+    report = sound.plan_report
+    broken = report_with(report, (at(report, "path end"), np.inf, False))
+    assert "path end" in text_of(replace(sound, plan_report=broken))
+    assert "broken" in text_of(replace(sound, plan_report=broken))
+
+
+@pytest.mark.parametrize(
+    ("value", "said"), [(np.inf, "none"), (-np.inf, "-inf mm"), (1234567.0, "1.23457e+06 mm"), (0.5, "0.5 mm")]
+)
+def test_quantities(value: float, said: str) -> None:
+    assert quantity(value, "mm") == said
+    assert quantity(0.5, "") == "0.5"
