@@ -16,7 +16,7 @@ from planner.geometry.catalog import load_curve
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
 from planner.grid import place_knots, scan, with_blends
-from planner.kernels import _PRECISE, _peak
+from planner.kernels import _peak
 from planner.law import SpeedLaw, TimeNodes, _advance, _in_step, _points, utilisation
 from planner.limits import Limits
 from planner.profile import evaluate_law
@@ -344,10 +344,10 @@ def test_a_peak_is_sure_or_said_to_be_doubtful(granted):
             continue
         if peak <= 1.0:
             kept += 1
-            assert top <= 1.0 + _PRECISE
+            assert top <= 1.0 + 3e-7
         else:
             broken += 1
-            assert top > 1.0 - _PRECISE
+            assert top > 1.0 - 3e-7
     assert min(doubts, kept, broken) > 200
 
 
