@@ -158,6 +158,15 @@ def test_a_law_that_would_fall_back_into_a_stop_is_held_forward():
     assert moving.u_acceleration.tolist() == [0.0, -2.0, 2.0, 0.0]
 
 
+def test_nodes_of_a_law_are_held_forward_at_stops(monkeypatch):
+    """A smooth law needs it for its last digits only; every law gets it."""
+    _, path, law, _ = law_on(CURVES["formula"]())
+    held = []
+    monkeypatch.setattr(TimeNodes, "_keep_forward_at_stops", lambda nodes: held.extend([nodes]))
+    nodes = law.nodes(path)
+    assert held == [nodes]
+
+
 def test_midpoints_know_what_they_are_rounded_by():
     rng = np.random.default_rng(2)
     sigma = np.sort(np.concatenate([10.0 ** rng.uniform(-12.0, 0.0, 200), 1.0 + rng.uniform(0.0, 1e-9, 200)]))

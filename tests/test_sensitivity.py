@@ -127,6 +127,7 @@ def limited(curve: Curve, limits: Limits) -> list[str]:
 
 SLOW = (
     "formula",
+    "five axes",
     "sharp nurbs",
     "slow axis",
     "random",
@@ -135,8 +136,9 @@ SLOW = (
     "jumps",
     "stops at jumps",
     "tangential jerk",
+    "jerk alone",
 )
-EVERY = [pytest.param(name, marks=[pytest.mark.slow] * (name in (*SLOW, "jerk alone"))) for name in CASES]
+EVERY = [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in CASES]
 
 
 @pytest.mark.parametrize("name", EVERY)

@@ -6,6 +6,7 @@ import io
 import json
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -109,6 +110,34 @@ def test_a_plan_that_is_not_the_optimum_says_so(sound: Verdict) -> None:
     for status, said in (("optimal", False), ("feasible", False), ("budget", True), ("slowed down by 2 %", True)):
         notes = with_stats(sound, status=status).notes
         assert any(f"not the optimum ({status})" in note for note in notes) is said
+
+
+def program_of(largest: float, tolerance: float, lines: int, notes: tuple[str, ...] = ()) -> Any:
+    stops = [SimpleNamespace(line=10 * k, u=0.1 * k, reason="corner") for k in range(lines)]
+    deviation = SimpleNamespace(largest=largest)
+    return SimpleNamespace(deviation=deviation, deviation_line=7, tolerance=tolerance, stops=stops, notes=notes)
+
+
+@pytest.mark.parametrize(
+    ("largest", "tolerance", "said"),
+    [
+        (0.0042, 0.01, "4.2 um at most, at line 7; 10 um allowed"),
+        (0.0, 0.01, "none; 10 um allowed"),
+        (0.0, 0.0, "none"),
+    ],
+)
+def test_how_a_path_keeps_to_its_program(sound: Verdict, largest: float, tolerance: float, said: str) -> None:
+    text = text_of(replace(sound, program=program_of(largest, tolerance, 2)))
+    assert next(line for line in text.splitlines() if line.startswith("deviation")).split(maxsplit=1)[1].strip() == said
+
+
+@pytest.mark.parametrize(("count", "said"), [(8, "60, 70"), (9, "60, 70, ...")])
+def test_stops_of_a_program_are_told_by_line(sound: Verdict, count: int, said: str) -> None:
+    verdict = with_stats(sound, notes=["exact stop at u = 0.1", "exact stop at u = 0.15"])
+    verdict = replace(verdict, program=program_of(0.0, 0.01, count, ("read in inches",)))
+    assert verdict.notes == ["read in inches", "exact stop at u = 0.15"]
+    wanted = f"exact stops   {count}, corner: after line 0, 10, 20, 30, 40, 50, {said}"
+    assert wanted in [line.rstrip() for line in text_of(verdict).splitlines()]
 
 
 def test_what_is_broken_is_counted_and_the_worst_is_told(sound: Verdict) -> None:
