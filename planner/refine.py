@@ -182,7 +182,10 @@ class Stage:
         problem, path = build(task.section, task.limits, grid, task.guess, periodic=task.periodic)
         # of the path only what is needed from here on: a long one has no memory to spare
         parameter = Parameter(path.u, path.rounding)
-        speed = SpeedBound.of(task.limits, path, problem)
+        caps = task.section.curve.feed_caps
+        beyond = path.u[0] >= np.repeat(grid.stretch_end, 2)[:-1]
+        rapid = np.zeros(beyond.size, dtype=bool) if caps is None else np.isinf(caps.at(path.u[0], beyond))
+        speed = SpeedBound.of(task.limits, path, problem, rapid)
         if task.prescribed:
             problem = _tightened(problem, *[1.0 + _PRESCRIBED_MARGIN] * 3)
         if task.section.reserve:

@@ -9,7 +9,8 @@ by the fraction e moves the scaled bounds of its rows by
 (d the chord error, rho the radius), so that the seconds saved by one percent are 0.01 sum(l * bound * power).  At a jump of
 the curvature the cap is what the jerk of an axis leaves of its step in one period: it grows with that jerk.  Where the path
 itself commands a lower feed than the limits (``feed_caps``), it is not the machine's feed that costs time but the
-programmed one.  An axis that has no jerk limit leaves a rest by a ramp in proportion to its acceleration.
+programmed one, and on rapids the limit of these.  An axis that has no jerk limit leaves a rest by a ramp in proportion to
+its acceleration.
 
 They hold for small changes; a limit that stops binding when it is relaxed saves less than its rate promises.  So does one
 of two that bind together: along a line at 45 degrees more jerk for one axis alone saves nothing, and what both are worth
@@ -50,12 +51,13 @@ class SpeedBound:
             "chord error",
             *(f"velocity {axis}" for axis in axes),
             "programmed feed",
+            "rapid",
             *(f"jerk {axis}" for axis in axes),
         ]
 
     @classmethod
-    def of(cls, limits: Limits, path: Path, problem: Constraints) -> SpeedBound:
-        """At the points of a problem, before its limits are tightened."""
+    def of(cls, limits: Limits, path: Path, problem: Constraints, rapid: NDArray[np.bool_]) -> SpeedBound:
+        """At the points of a problem, before its limits are tightened; ``rapid (p,)``: those on rapids."""
         bounds = speed_limits(limits, path)
         which = np.argmin(bounds, axis=0)
         lowest = bounds.min(axis=0)
@@ -66,6 +68,7 @@ class SpeedBound:
         power[at] = 2.0 * (radius - error) / (2.0 * radius - error)
         programmed = 2 + limits.dim
         which[(which == 0) & (path.feed < limits.feed)] = programmed
+        which[((which == 0) | (which == programmed)) & rapid] = programmed + 1
         per_x = (problem.length_unit / problem.time_unit) ** 2
         lowered = problem.cap * per_x < lowest**2 * (1.0 - _LOWERED)
         jump = 2 * np.flatnonzero((problem.h == 0.0) & lowered[1::2])
@@ -74,7 +77,7 @@ class SpeedBound:
             axis = np.argmin(limits.jerk / step, axis=1)
         for k in (0, 1, 2):
             here = jump + k
-            which[here] = np.where(lowered[here], programmed + 1 + axis, which[here])
+            which[here] = np.where(lowered[here], programmed + 2 + axis, which[here])
             power[here] = np.where(lowered[here], 1.0, power[here])
         return cls(which.astype(np.int8), power)
 
@@ -96,7 +99,7 @@ def saved_by_one_percent(
     Returns
     -------
     dict
-        By the names of ``FeedrateProfile.limit_names``, and "programmed feed"; unit of the problem's time.
+        By the names of ``FeedrateProfile.limit_names``, "programmed feed" and "rapid"; unit of the problem's time.
     """
     # row by row: a long path has no memory to spare
     pace = iterate.z[0] ** -0.5

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from program_blocks import line as block
-from program_blocks import program
+from program_blocks import program, rapid
 from strategies import random_nurbs
 
 from planner import Curve, FeedrateProfile, Limits, load_curve, load_limits, plan_feedrate
@@ -84,6 +84,7 @@ CASES = {
     "feeds at the ends": lambda: (load_curve("teardrop"), plane(), {"start_feed": 30.0, "end_feed": 60.0}),
     "jerk alone": lambda: (ellipse(), Limits(np.inf, FREE, FREE, [20000.0, 8000.0]), {}),
     "program": lambda: (blended(*BENDS), plane(80.0), {}),
+    "rapids": lambda: (blended(rapid(40, 0), block(60, 0, feed=50.0), rapid(100, 0)), plane(80.0, rapid=120.0), {}),
     "programmed feed": lambda: (blended(block(40, 0, feed=60.0), block(60, 0, feed=20.0)), plane(150.0), {}),
 }
 
@@ -103,7 +104,7 @@ def with_changed(curve: Curve, limits: Limits, name: str, factor: float) -> tupl
         return replace(curve, feed_caps=FeedCaps(caps.edges, factor * caps.feed)), limits  # type: ignore[type-var]
     names = ("feed", "velocity", "acceleration", "jerk", "chord_error", "period")
     values: dict[str, Any] = {key: getattr(limits, key) for key in (*names, "axes")}
-    values |= {key: getattr(limits, key) for key in ("tangential_acceleration", "tangential_jerk")}
+    values |= {key: getattr(limits, key) for key in ("tangential_acceleration", "tangential_jerk", "rapid")}
     key, axis = name.rsplit(" ", 1) if name.rsplit(" ", maxsplit=1)[-1] in limits.axes else (name, "")
     key = key.replace(" ", "_")
     if axis:
@@ -118,6 +119,7 @@ def limited(curve: Curve, limits: Limits) -> list[str]:
     """Names of all limits that are there."""
     found = ["feed"] * bool(np.isfinite(limits.feed)) + ["chord error"] * bool(np.isfinite(limits.chord_error))
     found += ["programmed feed"] * bool(curve.feed_caps is not None and np.isfinite(curve.feed_caps.feed).any())
+    found += ["rapid"] * bool(curve.feed_caps is not None and np.isfinite(limits.rapid))
     for kind in ("acceleration", "jerk"):
         found += [f"tangential {kind}"] * bool(np.isfinite(getattr(limits, f"tangential_{kind}")))
     for kind in ("velocity", "acceleration", "jerk"):
@@ -166,7 +168,7 @@ def test_what_is_said_to_be_saved_is_saved(name: str) -> None:
         assert saves - room <= said.get(limit, 0.0) <= costs + room, limit
 
 
-WEIGHTS = {"feed": 1.0, "programmed": 1.0, "velocity": 1.0, "acceleration": 2.0, "jerk": 3.0}
+WEIGHTS = {"feed": 1.0, "programmed": 1.0, "rapid": 1.0, "velocity": 1.0, "acceleration": 2.0, "jerk": 3.0}
 UNMOVED = ("jumps", "jump from arc to arc", "ramp", "feeds at the ends", "chord as long as the radius")
 
 
@@ -217,7 +219,9 @@ def test_a_limit_costs_time_where_it_holds_the_path_back_and_nowhere_else(name: 
     assert sum(shares.values()) == pytest.approx(1.0, rel=1e-12)
     largest = max(said.values())
     held = {limit: said.get(limit, 0.0) for limit in limited(curve, limits)}
-    held["feed"] = held.get("feed", 0.0) + held.pop("programmed feed", 0.0)  # shares do not tell who commands a feed
+    held["feed"] = (
+        held.get("feed", 0.0) + held.pop("programmed feed", 0.0) + held.pop("rapid", 0.0)
+    )  # shares do not tell who commands a feed
     for limit, saved in held.items():
         if saved > 0.01 * largest:
             assert limit in shares
