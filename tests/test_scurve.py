@@ -103,7 +103,8 @@ rates = st.floats(0.1, 1e4)
     st.floats(0.0, 0.9),
     st.floats(0.0, 0.9),
 )
-@example([-90.0, -90.0], (217.0, 153.0, 0.5, 3.0), 0.5, 0.5)  # rounding takes it 1.1e-9 above its jerk limit
+@example([-90.0, -90.0], (217.0, 153.0, 0.5, 3.0), 0.5, 0.5)  # rounding takes it 1e-9 above its jerk limit
+@example([-90.0, -90.0], (314.0, 223.0, 0.5, 7.0), 0.5, 0.5)  # 3e-8
 def test_any_line_with_any_entry_and_exit_feed(end, bounds, start_share, end_share):
     feed, *per_axis = bounds
     limits = Limits(feed, *([bound * (1.0 + j) for j in range(len(end))] for bound in per_axis))
