@@ -32,7 +32,7 @@ from planner.sections import Section, axis_weights, evaluate
 JERK_BESIDE_STEP = 0.5
 _JERK_COLLOCATED = 0.49
 PERIODS_AROUND_STEP = 3.0
-_RAMP = 8.0  # periods
+_RAMP = 0.5  # periods: shorter than samples tell
 # Phases, in periods, at which the steps of jumps close to one another are added up, and the search for the x they allow.
 _PHASES = np.linspace(-1.0, 1.0, 17)
 _LARGEST_SLOWING, _HALVINGS, _JUMPS_AT_ONCE = 14.0, 16, 10_000

@@ -223,11 +223,11 @@ def test_rows_exist_for_finite_limits_only():
     section, grid, constraints, path = problem_of(FORMULA, some)
     assert constraints.acceleration.shape[:2] == (1, 2)
     assert constraints.jerk.shape[:2] == (2, 3)
-    # X has an acceleration limit and none of the jerk: in the rest blends, and only there, its ramp takes 8 periods
+    # X has an acceleration limit and none of the jerk: in the rest blends, and only there, its ramp takes half a period
     sigma = points_of(grid)
     inside = (sigma < section.blend_start) | (section.span - sigma < section.blend_end)
     unit = constraints.jerk[0, 2, 5] / (path.tip[1, 5] / 5000.0)
-    ramp = path.axes[1, :, 0] * 8.0 * some.period / 1000.0 * unit
+    ramp = path.axes[1, :, 0] * 0.5 * some.period / 1000.0 * unit
     assert constraints.jerk[1, 2] == pytest.approx(
         np.where(inside, ramp, 0.0), rel=1e-9, abs=1e-12 * np.abs(ramp).max()
     )

@@ -632,3 +632,11 @@ def test_a_plan_that_was_slowed_down_says_so_and_still_names_what_binds(monkeypa
     assert any("slowed down as a whole" in note for note in profile.stats["notes"])
     assert check(curve, plane(), profile).ok
     assert profile.shares().get("none", 0.0) < 0.8
+
+
+@pytest.mark.parametrize("name", ["circle", "hypotrochoid"])
+def test_an_axis_that_loses_its_jerk_limit_makes_no_plan_slower(name: str) -> None:
+    """Beside an axis that keeps its own; from stop to stop the free one leaves on a ramp of half a period."""
+    curve = load_curve(name, scale=1.0 if name == "circle" else 10.0)
+    durations = [plan_feedrate(curve, plane(jerk=[20000.0, free])).duration for free in (2e4, 1e5, 1e6, np.inf)]
+    assert (np.diff(durations) <= 1e-5 * durations[0]).all(), durations
