@@ -6,8 +6,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from strategies import random_nurbs
 
-from planner import FeedrateError, Limits, SolverError, bounds, certify, check, load_curve, load_limits, plan_feedrate
+from planner import (
+    FeedrateError,
+    InputError,
+    Limits,
+    SolverError,
+    bounds,
+    certify,
+    check,
+    load_curve,
+    load_limits,
+    plan_feedrate,
+)
 from planner.bounds import Bound, section_bound
 from planner.check.certificate import verify_bound, verify_plan_bound
 from planner.dual.problem import best_splines
@@ -19,7 +31,6 @@ from planner.programs.path import program_path
 from planner.programs.reader import read_program
 from planner.sections import cut
 from planner.tables import read_table, write_table
-from tests.strategies import random_nurbs
 
 LIMITS = Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2, chord_error=1e-3)
 LINE = NurbsCurve([[0.0, 0.0], [100.0, 0.0]], [0, 0, 1, 1], 1)
@@ -293,3 +304,22 @@ def test_no_bound_exceeds_any_plan(seed, tmp_path):
 @pytest.mark.slow
 def test_no_bound_exceeds_any_plan_of_five_hundred(tmp_path):
     assert sum(no_bound_exceeds_a_plan(seed, tmp_path) > 0 for seed in range(100, 600)) > 400
+
+
+def test_a_tip_that_turns_back_has_no_bound_from_its_arc_length():
+    """X runs forth and back while A turns: where X reverses, the arc length of the tip has a kink, and no jerk."""
+    points = [[0.0, 0.0], [40.0, 0.3], [0.0, 0.8], [30.0, 1.0]]
+    curve = NurbsCurve(points, [0, 0, 0, 0, 1, 1, 1, 1], 3, axes=("X", "A"))
+    tangential = {"tangential_acceleration": 5e3, "tangential_jerk": 3e4}
+    limits = Limits(1e6, [1e4, 50.0], [1000.0, 20.0], [2e4, 300.0], **tangential, axes=("X", "A"))
+    profile = plan_feedrate(curve, limits)
+    assert check(curve, limits, profile).ok
+    bound = certify(curve, limits, profile)
+    assert 0.999 * profile.duration < bound <= profile.duration
+    assert bound.certificate.jerk_names == ("jerk X", "jerk A")
+    claimed = replace(
+        bound.certificate,
+        jerk_names=("jerk X", "tangential jerk"),
+    )
+    with pytest.raises(InputError, match="turns back near u = "):
+        verify_bound(curve, limits, claimed)

@@ -1057,10 +1057,13 @@ def test_the_check_knows_nothing_of_the_planner():
         if node.level > 0 or (node.module or "").startswith("planner")
     }
     assert {name for name in imported if not name.startswith("planner.check.")} == {
+        "planner.certificate.Certificate",
+        "planner.certificate.CertificateSection",
         "planner.errors.InputError",
         "planner.geometry.curve.Curve",
         "planner.geometry.curve.FeedCaps",
         "planner.geometry.curve.FloatArray",
+        "planner.geometry.curve.curvature",
         *(f"planner.geometry.kernels.{name}" for name in ("FLAG", "I64", "NOTHING", "find_piece")),
         *(f"planner.geometry.kernels.{access}{n}" for access in ("READ", "WRITE") for n in (1, 2, 3)),
         "planner.limits.Limits",

@@ -242,7 +242,7 @@ class TestWithoutJerk:
         profile = plan_feedrate(path.curve, LIMITS.for_curve(path.curve).without_jerk(), intervals=2000)
         times = line_times(source, path, profile)
         assert times.seconds == pytest.approx([40 / 100 + 100 / 1000, 2 * math.sqrt(4 / 1000)], rel=2e-3)
-        assert profile.lower_bound == profile.duration
+        assert profile.duration * (1.0 - 1e-3) <= profile.lower_bound <= profile.duration
 
     def test_a_path_with_corners_on_a_finer_grid(self):
         path, profile = without_jerk("zigzag")[1:3]

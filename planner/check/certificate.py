@@ -27,11 +27,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
 from planner.certificate import Certificate, CertificateSection
 from planner.check.atoms import Side, end_term, passed, seam, sides, spared_around, stepped
+from planner.check.motion import dot
 from planner.check.multipliers import IntArray, Multipliers, require_increasing
 from planner.check.pathspeeds import Flags, path_points
 from planner.check.places import Places
@@ -46,6 +48,7 @@ from planner.profile import FeedrateProfile
 _CLAIM_ROUNDING = 1e-9  # of the bound: what another order of summation may change
 _PLAN_TOLERANCE = 1e-6  # by which a plan may exceed its limits, and so be faster
 _FEED_TOLERANCE = 1e-6  # of the largest feed: what counts as the same feed
+_REVERSAL_SAMPLES = 65  # of a piece of the curve
 _SEAM_TOLERANCE = 1e-6  # of tangent and curvature (times the length) where a periodic path closes
 
 
@@ -126,6 +129,7 @@ def verify_bound(curve: Curve, limits: Limits, certificate: Certificate) -> Boun
     require_valid(certificate, curve)
     places = Places.of(curve)
     sections = [_Section.of(curve, limits, certificate, k, places) for k in range(len(certificate.sections))]
+    _require_tangent(curve, sections)
     scales = [section.scale() for section in sections]
     if certificate.periodic:  # the multipliers must still meet where the path closes
         scales = [min(scales)] * len(scales)
@@ -272,6 +276,24 @@ def _motion(curve: Curve, name: str, what: str) -> int:
     if name not in names:
         raise InputError(f'the certificate has multipliers of "{name}"; known are {", ".join(names)}')
     return names.index(name)
+
+
+def _require_tangent(curve: Curve, sections: Sequence[_Section]) -> None:
+    """Refuse multipliers of tangential limits where the tip turns back: its arc length has no second derivative there."""
+    linear = np.array([unit == "mm" for unit in curve.axis_units])
+    used = any(section.path.parts.jerk[-1].any() or section.path.parts.acceleration[-1].any() for section in sections)
+    if linear.all() or not used:
+        return
+    edges = np.concatenate([[curve.domain[0]], curve._candidate_breaks(), [curve.domain[1]]])
+    for lo, hi in pairwise(edges):
+        u = np.linspace(lo, hi, _REVERSAL_SAMPLES)[1:-1]
+        velocity = curve.derivatives(u, 1)[1][:, linear]
+        back = np.flatnonzero(dot(velocity[1:], velocity[:-1]) < 0.0)
+        if back.size:
+            raise InputError(
+                f"the certificate has multipliers of tangential limits, but the tip of {curve.name} turns back near u = "
+                f"{u[back[0]]:.6g}, where its arc length has no second derivative; leave them out"
+            )
 
 
 def _closing(sections: Sequence[_Section], certificate: Certificate) -> float:

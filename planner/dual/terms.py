@@ -26,6 +26,7 @@ from planner.grid import Grid
 from planner.limits import Limits, chord_feed_limit, commanded_feed
 from planner.sections import Section, axis_weights
 
+_REVERSAL_SAMPLES = 33  # of a piece
 IntArray = NDArray[np.intp]
 
 # Nodes in [0, 1] of the rule of the solver: Lobatto's, the ends moved inside, and their weights.
@@ -52,9 +53,11 @@ class Multiplied:
 
     @classmethod
     def of(cls, limits: Limits, curve: Curve) -> Multiplied:
-        """Find them."""
+        """Find them; the arc length of a tip that turns back has no second derivative there, and takes no part."""
         jerk = np.append(limits.jerk, limits.tangential_jerk)
         acceleration = np.append(limits.acceleration, limits.tangential_acceleration)
+        if np.isfinite([jerk[-1], acceleration[-1]]).any() and _turns_back(curve):
+            jerk[-1] = acceleration[-1] = np.inf
         some_j, some_a = np.flatnonzero(np.isfinite(jerk)), np.flatnonzero(np.isfinite(acceleration))
         names_j = (*(f"jerk {axis}" for axis in curve.axes), "tangential jerk")
         names_a = (*(f"acceleration {axis}" for axis in curve.axes), "tangential acceleration")
@@ -66,6 +69,18 @@ class Multiplied:
             tuple(names_j[i] for i in some_j),
             tuple(names_a[i] for i in some_a),
         )
+
+
+def _turns_back(curve: Curve) -> bool:
+    """Whether the tip comes to rest and reverses within a piece of its path while a rotary axis moves on."""
+    if curve.tip is curve:
+        return False  # a curve has a tangent everywhere
+    edges = curve.tip.pieces.breaks
+    share = np.linspace(0.0, 1.0, _REVERSAL_SAMPLES)
+    u = edges[:-1, None] + np.diff(edges)[:, None] * share
+    left = np.broadcast_to(share == 1.0, u.shape).reshape(-1)
+    velocity = curve.tip.pieces.evaluate(u.reshape(-1), 1, left)[1].reshape(*u.shape, -1)
+    return bool((dot(velocity[:, 1:], velocity[:, :-1]) < 0.0).any())
 
 
 @dataclass(frozen=True, eq=False)
