@@ -16,6 +16,7 @@ from planner.grid import Scan
 
 _ROUNDS = 3
 _LOAD_MET, _LOAD_TOUCHED, _MARGIN = 1.0005, 1.0002, 1.0005
+_GOOD = 0.5  # of the guessed duration: caps alone prove less
 _LARGEST_RANGE = 1e12  # of caps against the guess: beyond that a cap says nothing to the method
 
 
@@ -29,20 +30,24 @@ def best_splines(track: Track, guess: Scan, *, periodic: bool, rounds: int = _RO
     splines : Splines
         With sum |l| <= 1.
     """
+    of = Multiplied.of(track.limits, track.section.curve)
+    if of.jerk.size + of.acceleration.size == 0:  # only speeds are limited, and the caps say all
+        return _valued(_none(track), periodic)
     margin = np.ones(track.sigma.size - 1)
-    best = _valued(_none(track), periodic)
-    if best[1].jerk.size + best[1].acceleration.size == 0:  # only speeds are limited, and the caps say all
-        return best
+    best: tuple[float, Splines] | None = None
     for _ in range(rounds):
         problem, units = problem_of(track, guess, margin, periodic=periodic)
         splines, load = normalised(_splines(track, best_multipliers(problem).theta, units))
         found = _valued(splines, periodic)
-        if found[0] > best[0]:
+        if best is None or found[0] > best[0]:
             best = found
         if load.max() <= _LOAD_MET:
             break
         margin = np.where(load > _LOAD_TOUCHED, margin * load * _MARGIN, margin)
-    return best
+    if best is not None and best[0] > _GOOD * guess.duration:
+        return best
+    plain = _valued(_none(track), periodic)  # an evaluation more, which hardly ever pays
+    return plain if best is None or not best[0] >= plain[0] else best
 
 
 def _valued(splines: Splines, periodic: bool) -> tuple[float, Splines]:
