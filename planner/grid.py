@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.errors import InfeasibleError
+from planner.errors import CurveError, InfeasibleError
 from planner.geometry.curve import FloatArray, arc_derivatives, curvature, dot
 from planner.limits import Limits, chord_feed_limit, commanded_feed
 from planner.sections import BLEND_LENGTH, Section, axis_weights, evaluate
@@ -141,7 +141,9 @@ def scan(section: Section, limits: Limits, intervals: int) -> Scan:
     scaled[1:] *= weights
     arc = arc_derivatives(scaled)
     speed = np.sqrt(dot(scaled[1], scaled[1]))
-    length = _accumulate(speed, u)
+    # Not differences of its sum: next to a place where |C'| nearly vanishes these are nothing but rounding.
+    way = 0.5 * (speed[1:] + speed[:-1]) * np.diff(u)
+    length = np.concatenate([[0.0], np.cumsum(way)])
     accelerations, jerks = weights * limits.acceleration, weights * limits.jerk
     # a sample on a step of the cap takes the lower side
     commanded = np.minimum(commanded_feed(curve, limits, u), commanded_feed(curve, limits, u, True))
@@ -162,8 +164,19 @@ def scan(section: Section, limits: Limits, intervals: int) -> Scan:
     ceiling[at] = np.minimum(ceiling[at], dips.feed)
     kappa = np.sqrt(dot(arc[2], arc[2]))
     per_tip_feed = np.divide(1.0, ratio, out=np.full_like(ratio, np.inf), where=ratio > 0.0)
-    feed = _reachable(section, ceiling, length, acceleration, jerk, per_tip_feed)
+    feed = _reachable(section, ceiling, way, acceleration, jerk, per_tip_feed)
+    _require_feed(section, u, feed, speed)
     return Scan(y, length, feed, ceiling, _accumulate(kappa, length), acceleration, jerk, speed, u, dips)
+
+
+def _require_feed(section: Section, u: FloatArray, feed: FloatArray, speed: FloatArray) -> None:
+    """Refuse a path on which some place between the ends can only be passed at no feed at all."""
+    held = np.flatnonzero(~(feed[1:] + feed[:-1] > 0.0))
+    if held.size:
+        raise CurveError(
+            f"{section.curve.name}: no feed is left at u = {u[held[0]]:.9g}, where |C'| = {speed[held[0]]:.3g}: its "
+            "curvature there is beyond double precision; split the curve there, or move the control points around it"
+        )
 
 
 def _dips(section: Section, limits: Limits, weights: FloatArray) -> Dips:
@@ -220,20 +233,37 @@ def _accumulate(rate: FloatArray, over: FloatArray) -> FloatArray:
     return np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(over))])
 
 
-def _steps(rate: FloatArray, length: FloatArray, ceiling: FloatArray) -> FloatArray:
-    """Growth from sample to sample, at most the largest finite ceiling.
+def _steps(rate: FloatArray, way: FloatArray, ceiling: FloatArray) -> FloatArray:
+    """Growth over the way (n - 1,) from sample to sample, at most the largest finite ceiling.
 
     Where the only axes with a limit stand still the rate has no bound, and its sum would swamp all others.
     """
-    steps = 0.5 * (rate[1:] + rate[:-1]) * np.diff(length)
+    steps = 0.5 * (rate[1:] + rate[:-1]) * way
     largest = float(ceiling[np.isfinite(ceiling)].max(initial=0.0))
     return np.minimum(steps, largest) if largest > 0.0 else steps
+
+
+def _grown(values: FloatArray, steps: FloatArray) -> FloatArray:
+    """Largest values below the given ones (n,) that exceed no neighbour by more than the step between, ``steps (n - 1,)``.
+
+    By sums over all steps; where these swamp neighbours that are not 0, the steps are taken one by one.
+    """
+    from planner.kernels import limit_growth
+
+    growth = np.concatenate([[0.0], np.cumsum(steps)])
+    forward = np.minimum.accumulate(values - growth) + growth
+    back = growth[-1] - growth[::-1]
+    out = np.asarray((np.minimum.accumulate(forward[::-1] - back) + back)[::-1])
+    if not (out[1:] + out[:-1] > 0.0).all():
+        out = values.copy()
+        limit_growth(out, steps)
+    return np.maximum(out, 0.0)
 
 
 def _reachable(
     section: Section,
     ceiling: FloatArray,
-    length: FloatArray,
+    way: FloatArray,
     acceleration: FloatArray,
     jerk: FloatArray,
     per_tip_feed: FloatArray,
@@ -255,12 +285,8 @@ def _reachable(
         if not finite.any():
             continue
         bounded = np.where(finite, rate, rate[finite].max())
-        growth = np.concatenate([[0.0], np.cumsum(_steps(bounded, length, share**power))])
-        raised = share**power
-        raised = np.minimum.accumulate(raised - growth) + growth
-        back = growth[-1] - growth[::-1]
-        raised = (np.minimum.accumulate(raised[::-1] - back) + back)[::-1]
-        share = np.maximum(raised, 0.0) ** (1.0 / power)
+        raised = _grown(share**power, _steps(bounded, way, share**power))
+        share = raised ** (1.0 / power)
     feed = share * top
     if not np.isfinite(feed).all():
         raise InfeasibleError(
@@ -354,9 +380,17 @@ def resolvable(guess: Scan) -> int:
 
 
 def _breaks(section: Section) -> FloatArray:
-    """Parameters at which the path is not smooth; even a fourth derivative that jumps puts a kink into the jerk."""
+    """Parameters at which the path is not smooth; even a fourth derivative that jumps puts a kink into the jerk.
+
+    Of breaks closer to one another than rounding resolves the first stands for all; so does an end for those beside it.
+    """
     u = section.curve._candidate_breaks()
-    return u[(u > section.u_start) & (u < section.u_end)]
+    u = u[(u > section.u_start) & (u < section.u_end)]
+    if u.size == 0:
+        return u
+    least, y = section.resolution, section.coordinate(u)
+    kept = (np.diff(y, prepend=section.y_start) > least) & (section.y_end - y > least)
+    return np.asarray(u[kept])
 
 
 def _knots(section: Section, sigma: FloatArray, count: FloatArray) -> Grid:

@@ -1,11 +1,11 @@
-"""Compiled measurement of a time law; see ``law.py``."""
+"""Compiled measurement of a time law, see ``law.py``; and what grows by steps at most, see ``grid.py``."""
 
 from __future__ import annotations
 
 import numpy as np
 from numba import njit, types
 
-from planner.geometry.kernels import FLAG, FLAGS2, NOTHING, READ1, READ2, READ3, WRITE2, point_on_pieces
+from planner.geometry.kernels import FLAG, FLAGS2, NOTHING, READ1, READ2, READ3, WRITE1, WRITE2, point_on_pieces
 
 _MOST_PARTS = 80  # that an interval is cut into
 _PARABOLA = 0.07  # its error through four points, against their third difference: max |x (x^2 - 1)| / 6
@@ -164,3 +164,15 @@ def shares(axes, tip, cartesian, quintic, spans, rows, scalars, out):
                 doubtful = doubtful or unsure
             doubtful = doubtful and points < _MOST_PARTS
             points = min(2 * points, _MOST_PARTS)
+
+
+@njit(NOTHING(WRITE1, READ1), cache=True)
+def limit_growth(values, steps):
+    """Lower each value to at most either neighbour's plus the step between them, ``steps (n - 1,)``.
+
+    One by one: sums over all steps would swamp the small ones.
+    """
+    for i in range(1, values.size):
+        values[i] = min(values[i], values[i - 1] + steps[i - 1])
+    for i in range(values.size - 2, -1, -1):
+        values[i] = min(values[i], values[i + 1] + steps[i])

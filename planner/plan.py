@@ -16,6 +16,7 @@ import numpy as np
 from planner.bounds import section_bound
 from planner.errors import InfeasibleError, InputError, SolverError
 from planner.geometry.curve import Curve, FloatArray, arc_derivatives
+from planner.guard import require_law
 from planner.law import TimeNodes, utilisation
 from planner.limits import Limits, feedrate_limits
 from planner.profile import FeedrateProfile, make_profile
@@ -111,6 +112,7 @@ def plan_feedrate(
         effort = Effort.for_share(intervals, float(shares[i]), section)
         plans.append(_plan_section(section, limits, method, periodic, began + budget, effort, progress))
     nodes = _chain([plan.nodes for plan in plans])
+    require_law(curve, nodes)
     stats = _collect(sections, plans, limits, exact_stop)
     slowed = np.repeat(
         [max(1.0, plan.stats.get("slowdown", 1.0)) for plan in plans], [plan.nodes.t.size for plan in plans]

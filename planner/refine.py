@@ -27,6 +27,7 @@ from planner.constraints import Constraints, Parameter, build
 from planner.errors import InfeasibleError, SolverError
 from planner.geometry.curve import FloatArray
 from planner.grid import Grid, Scan, place_knots, resolvable, scan, split, with_blends
+from planner.guard import require_finite
 from planner.law import SpeedLaw, TimeNodes, Utilisation, utilisation
 from planner.limits import Limits
 from planner.profile import BINDING_SHARE
@@ -281,6 +282,7 @@ def plan_section(
     for number in range(_MAX_ROUNDS):
         try:
             attempt = stage.solve(task, attempt)
+            this = Round.of(task, number, attempt, stage.path)
         except (InfeasibleError, SolverError) as error:
             if best is None:
                 raise
@@ -288,7 +290,6 @@ def plan_section(
             break
         spent += attempt.stats["solve_cpu_s"]
         first = first or spent
-        this = Round.of(task, number, attempt, stage.path)
         best = this if best is None or this.is_better_than(best, task) else best
         idle = effort.free and number < _IDLE_ROUNDS and attempt.idle > _UNBOUND
         if (this.is_accepted(task) and not idle) or time.perf_counter() > deadline:
@@ -319,8 +320,9 @@ class Round:
 
     @classmethod
     def of(cls, task: Task, number: int, attempt: Attempt, path: Parameter) -> Round:
-        """Measure an attempt between its nodes."""
+        """Measure an attempt between its nodes; a SolverError where it is not finite."""
         nodes = attempt.law.nodes(path)
+        require_finite(task.section.curve, nodes)
         used = utilisation(task.section.curve, task.limits, nodes)
         slowdown = float(used.slowdown.max())
         kappa = 1.0 if task.prescribed else max(1.0, slowdown * (1.0 + PEAK_MARGIN))

@@ -21,7 +21,7 @@ down to the stop; velocity and acceleration of every axis vanish there by themse
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -45,6 +45,7 @@ _MAPS = [
 ]
 _NEWTON_PASSES = 80
 _DIGITS = 16.0  # more than so many units in the last place is not rounding
+_RESOLUTION = 1e4 * float(np.finfo(np.float64).eps)
 _SEAM_TOLERANCE = 1e-7  # relative jump of the first and second derivative between end and start that counts as none
 
 
@@ -100,6 +101,11 @@ class Section:
     def y_end(self) -> float:
         """Coordinate y at the end."""
         return self.u_end if self.arc is None else float(self.arc.s(self.u_end))
+
+    @property
+    def resolution(self) -> float:
+        """Distance in y below which two places are one: ten thousand digits of y."""
+        return _RESOLUTION * max(abs(self.y_start), abs(self.y_end))
 
     @property
     def span(self) -> float:
@@ -272,19 +278,25 @@ def sections_between(
             arc = weighted_arclength(curve, weights)
         entry = (np.nan if periodic else start_feed) if i == 0 else 0.0
         leave = (np.nan if periodic else end_feed) if i == len(stops) else 0.0
-        sections.append(
-            Section(
-                curve,
-                u0,
-                u1,
-                None if entry == 0.0 else entry,
-                None if leave == 0.0 else leave,
-                None if smooth else arc,
-                jumps=tuple(b for b in inside if b.geometric == 1),
-                bend=stops.get(u0, 0.0),
-            )
+        section = Section(
+            curve,
+            u0,
+            u1,
+            None if entry == 0.0 else entry,
+            None if leave == 0.0 else leave,
+            None if smooth else arc,
+            jumps=tuple(b for b in inside if b.geometric == 1),
+            bend=stops.get(u0, 0.0),
         )
+        sections.append(replace(section, jumps=_apart_from_ends(section)))
     return sections
+
+
+def _apart_from_ends(section: Section) -> tuple[Break, ...]:
+    """Curvature jumps that are not at an end of their section but for rounding."""
+    y = section.coordinate(np.array([b.u for b in section.jumps]))
+    apart = np.minimum(y - section.y_start, section.y_end - y) > section.resolution
+    return tuple(b for b, inside in zip(section.jumps, apart, strict=True) if inside)
 
 
 def _seam_jumps(curve: Curve) -> bool:

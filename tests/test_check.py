@@ -1006,6 +1006,55 @@ def test_a_rotary_axis_turns_while_the_tip_rests():
     assert check(curve, limits, profile).row("exact stop").t == pytest.approx(t[-1])
 
 
+def forth_and_back(across=0.0):
+    """X runs 10 mm forth and back while A turns; ``across`` makes a turn of its path of the rest of the tip."""
+    axes, points = ("X", "A"), [[0.0, 0.0], [20.0, 0.5], [0.0, 1.0]]
+    if across:
+        axes, points = ("X", "Y", "A"), [[0.0, 0.0, 0.0], [20.0, 0.5 * across, 0.5], [0.0, across, 1.0]]
+    return NurbsCurve(points, [0, 0, 0, 1, 1, 1], 2, axes=axes, name="forth and back")
+
+
+def turning_samples(curve, duration=2.0, period=1e-3):
+    """The curve at u = t / duration by minimum-jerk motion from rest to rest."""
+    t = np.arange(0.0, duration + 0.5 * period, period)
+    w = t / duration
+    u = w**4 * (35.0 - w * (84.0 - w * (70.0 - 20.0 * w)))
+    return Samples(period, t, u, curve.derivatives(u, 0)[0])
+
+
+def tangential(curve, samples, acceleration, jerk):
+    inf = [np.inf] * curve.dim
+    limits = Limits(
+        np.inf, inf, inf, inf, tangential_acceleration=acceleration, tangential_jerk=jerk, axes=curve.axes, period=1e-3
+    )
+    report = check(curve, limits, samples)
+    return report.row("tangential acceleration"), report.row("tangential jerk")
+
+
+def test_where_a_tip_comes_to_rest_and_turns_back_its_length_is_counted_backwards():
+    """X alone moves the tip: what is measured along its path is X's own acceleration and jerk, and no more is granted."""
+    curve = forth_and_back()
+    samples = turning_samples(curve)
+    x = np.pad(samples.position[:, 0], 3, mode="edge")
+    a, j = (np.abs(np.diff(x, n)).max() / samples.period**n for n in (2, 3))
+    for row, size in zip(tangential(curve, samples, 1.001 * a, 1.001 * j), (a, j), strict=True):
+        assert row.ok
+        assert row.worst == pytest.approx(size, rel=1e-4)
+    # the turn is where X accelerates most: a limit below that is broken there
+    assert abs(samples.u[np.abs(np.diff(x, 2)).argmax() - 2] - 0.5) < 0.01
+    assert not any(row.ok for row in tangential(curve, samples, 0.999 * a, 0.999 * j))
+
+
+def test_a_tight_turn_is_no_rest():
+    """Half a micrometre across: the tip does turn, and its tangential acceleration does change its sign within it."""
+    curve = forth_and_back(5e-4)
+    samples = turning_samples(curve)
+    x = np.pad(samples.position[:, 0], 3, mode="edge")
+    jerk = np.abs(np.diff(x, 3)).max() / samples.period**3
+    row = tangential(curve, samples, np.inf, 10.0 * jerk)[1]
+    assert not row.ok
+
+
 def test_the_tip_starts_from_rest_in_the_parameter():
     """X = 9 u^2 - 5 u^3 beside a turning axis: p_u = 0 at u = 0, where the tangential acceleration 18 is largest."""
     points = [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [3.0, 0.0, 2.0], [4.0, 0.0, 3.0]]

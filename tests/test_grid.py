@@ -1,5 +1,7 @@
 """Where the knots of a plan go, and the guess of the feed that places them."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,6 +13,7 @@ from planner.geometry.catalog import load_curve
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
 from planner.grid import place_knots, scan, split, with_blends
+from planner.kernels import limit_growth
 from planner.limits import Limits, load_limits
 from planner.sections import cut
 
@@ -259,3 +262,23 @@ def test_a_path_that_nothing_limits_is_refused():
     (section,) = cut(line(10.0), limits, 0.0, 0.0, exact_stop=False)
     with pytest.raises(InfeasibleError, match="nothing limits the feed between u = 0 and 1"):
         scan(section, limits, 100)
+
+
+@given(st.integers(0, 10**6))
+@settings(max_examples=50)
+def test_growth_is_limited_from_every_neighbour(seed):
+    """The largest values that no neighbour is exceeded from by more than its step, also where the steps differ by 1e20."""
+    rng = np.random.default_rng(seed)
+    values, steps = 10.0 ** rng.uniform(-20.0, 0.0, 12), 10.0 ** rng.uniform(-20.0, 0.0, 11)
+    limited = values.copy()
+    limit_growth(limited, steps)
+    between = np.array([[steps[min(i, j) : max(i, j)].sum() for j in range(12)] for i in range(12)])
+    assert limited == pytest.approx((values + between).min(axis=1), rel=1e-14)
+
+
+def test_a_feed_is_left_where_the_parameter_hardly_moves_the_path():
+    """Beside a near-cusp differences of the path's length are nothing but rounding, and the feed must not vanish."""
+    curves = Path(__file__).parent / "data" / "curves"
+    curve, limits = load_curve(curves / "seed36.json"), load_limits(curves / "seed36.toml")
+    for section in cut(curve, limits, 0.0, 0.0, exact_stop=False):
+        assert np.isfinite(scan(section, limits, 1000).duration)

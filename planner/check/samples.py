@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from planner.check.chords import sample_chord
-from planner.check.motion import norm
+from planner.check.motion import dot, norm
+from planner.check.peaks import zoom
 from planner.check.quantities import AXIS_RATES
 from planner.check.report import Place, Report, Rows
 from planner.check.scan import machine_caps
@@ -20,6 +21,11 @@ from planner.profile import Samples
 _PATH_TOLERANCE = 1e-9
 # Accuracy to which the arc length of samples is known, as a fraction of the whole length.
 _LENGTH_ACCURACY = 1e-14
+
+# The tip comes to rest where its |C'| falls below this fraction of that at the samples before and after: to 0 but for the
+# digits of u.  A turn, however tight, is none.
+_AT_REST = 1e-8
+_REST_SEARCHES = 3  # each narrows the place by 3e4
 
 
 def check_samples(curve: Curve, limits: Limits, samples: Samples, density: int, rows: Rows) -> Report:
@@ -56,7 +62,7 @@ def check_samples(curve: Curve, limits: Limits, samples: Samples, density: int, 
             slack = 2.0**n * rounding[j] / period**n
             place = _middle(samples, k - before + 0.5 * n)
             rows.add(name, sizes[k, j], getattr(limits, name)[j], place, slack=slack, j=j)
-    s = curve.arclength.s(u)
+    s = _signed_length(curve, u)
     s_rounding = _LENGTH_ACCURACY * curve.length + tip_rounding
     moving, before = _held(samples, s)
     for n, name in ((2, "tangential acceleration"), (3, "tangential jerk")):
@@ -79,6 +85,37 @@ def _highest_caps(caps: FeedCaps, u: FloatArray) -> FloatArray:
     last = np.clip(np.searchsorted(edges, u[1:], side="left") - 1, first, cap.size - 1)
     bounds = np.stack([first, last + 1], axis=1).reshape(-1)
     return np.asarray(np.maximum.reduceat(np.append(cap, 0.0), bounds)[::2])
+
+
+def _signed_length(curve: Curve, u: FloatArray) -> FloatArray:
+    """Arc length of the tool tip at the samples, counted backwards from each place at which it comes to rest and turns back.
+
+    Where rotary axes carry the tip over such a place its path has a cusp: s'' of the length without a sign would jump
+    from -a to a, of a motion along a straight line with the acceleration a.
+    """
+    s = curve.arclength.s(u)
+    if curve.tip is curve:
+        return s
+    slope = curve.tip.derivatives(u, 1)[1]
+    moving = norm(slope) > 0.0
+    places, slope, size = u[moving], slope[moving], norm(slope[moving])
+    turned = np.flatnonzero(dot(slope[1:], slope[:-1]) < 0.0)
+    if turned.size == 0:
+        return s
+    lower, upper = np.minimum(places[turned], places[turned + 1]), np.maximum(places[turned], places[turned + 1])
+
+    def slowness(x: FloatArray) -> FloatArray:
+        return -norm(curve.tip.derivatives(x, 1)[1])
+
+    at, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
+    for _ in range(_REST_SEARCHES):
+        at, half = zoom(slowness, at, half, lower, upper), 1e-4 * half
+    rests = -slowness(at) <= _AT_REST * np.minimum(size[turned], size[turned + 1])
+    turns = np.concatenate([[0.0], np.sort(curve.arclength.s(at[rests]))])
+    sign = 1.0 - 2.0 * (np.arange(turns.size) % 2)
+    begin = np.concatenate([[0.0], np.cumsum(sign[:-1] * np.diff(turns))])
+    k = np.searchsorted(turns[1:], s, side="left")
+    return np.asarray(begin[k] + sign[k] * (s - turns[k]))
 
 
 def _held(samples: Samples, values: FloatArray) -> tuple[FloatArray, int]:

@@ -1,0 +1,62 @@
+"""Curves and machines at the edges: each is planned and passes the check, or is refused with place and reason."""
+
+import re
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+from extreme import extreme_case
+
+from interp import replay
+from planner import check, load_curve, load_limits, plan_feedrate
+from planner.errors import FeedrateError
+
+DATA = Path(__file__).parent / "data" / "curves"
+
+
+def outcome(make_curve, limits):
+    """What becomes of a case: "planned", "breaks" and which limits, or the refusal."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            curve = make_curve()
+            plan = plan_feedrate(curve, limits)
+        except FeedrateError as error:
+            return f"{type(error).__name__}: {error}"
+    assert np.isfinite([plan.t, plan.u, plan.u_rate, plan.u_acceleration]).all()
+    reports = [check(curve, limits, plan)]
+    if plan.duration / limits.period < 1e5:
+        reports.append(check(curve, limits, replay(curve, plan, limits.period)))
+    broken = {row.limit for report in reports for row in report.violations}
+    return f"breaks {', '.join(sorted(broken))}" if broken else "planned"
+
+
+def of_file(seed):
+    limits = load_limits(DATA / f"seed{seed}.toml")
+    return outcome(lambda: load_curve(DATA / f"seed{seed}.json"), limits)
+
+
+@pytest.mark.parametrize("seed", [12, 20, 60, 107])
+def test_a_curve_that_once_broke_a_limit_is_planned(seed):
+    assert of_file(seed) == "planned"
+
+
+@pytest.mark.parametrize("seed", [36, 53])
+def test_a_curve_for_which_no_law_is_found_is_refused_with_its_place(seed):
+    assert re.match(r"SolverError: .*near u = -?[\d.]+", of_file(seed))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("first", range(2000, 3000, 50))
+def test_nothing_but_a_plan_or_a_refusal_comes_out(first):
+    """No other error, nothing that is not finite; plans that break a limit are said to."""
+    for seed in range(first, first + 50):
+        case = extreme_case(seed)
+        assert re.match(r"planned|breaks|\w+Error: ", outcome(case.curve, case.limits)), seed
+
+
+@pytest.mark.parametrize("seed", [2001, 2003, 2004, 2005, 2010, 2015, 2017, 2018, 2019, 2020, 2021, 2022])
+def test_extreme_curves_are_planned(seed):
+    case = extreme_case(seed)
+    assert outcome(case.curve, case.limits) == "planned"
