@@ -212,7 +212,7 @@ class Stage:
                     solution = again if again.time < solution.time else solution
         except SolverError as error:
             if not task.prescribed:
-                raise
+                raise SolverError(_not_found(task.section, error)) from None
             raise InfeasibleError(_not_attainable(task.section, error)) from None
         idle = self.problem.used(solution.x, solution.a, solution.c) < BINDING_SHARE
         unbound = (idle[:-2:2] + 4.0 * idle[1::2] + idle[2::2]) / 6.0
@@ -396,6 +396,13 @@ def _run(
         tolerance=tolerance,
         deadline=task.deadline,
         progress=task.progress,
+    )
+
+
+def _not_found(section: Section, error: SolverError) -> str:
+    return (
+        f"{section.curve.name}: no plan found between u = {section.u_start:.9g} and {section.u_end:.9g}: {error}; split the "
+        "curve there, or ask for more intervals"
     )
 
 

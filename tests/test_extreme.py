@@ -10,7 +10,9 @@ from extreme import extreme_case
 
 from interp import replay
 from planner import check, load_curve, load_limits, plan_feedrate
-from planner.errors import FeedrateError
+from planner.errors import FeedrateError, SolverError
+from planner.limits import Limits
+from planner.solvers import optimal
 
 DATA = Path(__file__).parent / "data" / "curves"
 
@@ -45,6 +47,16 @@ def test_a_curve_that_once_broke_a_limit_is_planned(seed):
 @pytest.mark.parametrize("seed", [36, 53])
 def test_a_curve_for_which_no_law_is_found_is_refused_with_its_place(seed):
     assert re.match(r"SolverError: .*near u = -?[\d.]+", of_file(seed))
+
+
+def test_a_solve_that_fails_names_its_stretch(monkeypatch):
+    def fails(*_args, **_options):
+        raise SolverError("the interior-point method stopped")
+
+    monkeypatch.setattr(optimal, "solve", fails)
+    limits = Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2)
+    with pytest.raises(SolverError, match=r"teardrop: no plan found between u = 0 and 1: the interior-point method"):
+        plan_feedrate(load_curve("teardrop"), limits)
 
 
 @pytest.mark.slow

@@ -228,9 +228,10 @@ def solve(
         if progress is not None:
             progress("solving", max(0.0, min(1.0, np.log(max(it.gap / it.time, tolerance)) / np.log(tolerance))))
     if it.residual > _FEASIBLE:
+        given = not np.isnan([problem.start, problem.end]).all()
         raise SolverError(
             f"the interior-point method stopped after {count} iterations ({status}) with a violation of "
-            f"{it.residual:.2g}; the entry or exit feed may not be attainable"
+            f"{it.residual:.2g}{'; the entry or exit feed may not be attainable' if given else ''}"
         )
     knots = it.z[:, 0::2]
     x, a, c = (row.copy() for row in knots)
