@@ -563,7 +563,7 @@ def test_a_round_that_fails_leaves_the_plan_before_it(monkeypatch: pytest.Monkey
     monkeypatch.setattr(optimal, "solve", failing)
     profile = plan_feedrate(curve, limits, intervals=300)
     assert profile.stats["rounds"] == 1
-    assert "refinement ended after 1 rounds: planted" in profile.stats["notes"]
+    assert any(n.startswith("refinement ended after 1 rounds") and "planted" in n for n in profile.stats["notes"])
     assert whole.duration < profile.duration < 1.02 * whole.duration
     assert check(curve, limits, profile).ok
 
