@@ -16,6 +16,7 @@ from planner.grid import Scan
 
 _ROUNDS = 3
 _LOAD_MET, _LOAD_TOUCHED, _MARGIN = 1.0005, 1.0002, 1.0005
+_LEAST_CAP = 1e-12  # of a place, where x is about 1
 _GOOD = 0.5  # of the guessed duration: caps alone prove less
 _LARGEST_RANGE = 1e12  # of caps against the guess: beyond that a cap says nothing to the method
 
@@ -181,7 +182,8 @@ def _atoms(track: Track, of: Multiplied, length: float, tau: float) -> tuple[Flo
         at_jump = track.jumps
         caps[at_jump] = np.minimum(caps[empty], jump_cap(track.limits, at, beyond))[at_jump[empty]]
         caps[empty] *= (tau / length) ** 2
-    return rows, np.where(np.isfinite(caps), caps, 1.0 / np.finfo(float).eps)
+    # A cap of 0 leaves an interior method no room; a larger one only makes its choice of multipliers a little worse.
+    return rows, np.clip(caps, _LEAST_CAP, 1.0 / np.finfo(float).eps)
 
 
 def _conditions(
