@@ -288,6 +288,8 @@ def _facts(verdict: Verdict) -> RenderableType:
     if math.isfinite(verdict.gap):
         gap = _percent(verdict.gap, 2)
         bound = f"{verdict.lower_bound:.6g} s; the gap is at most {gap}"
+        if verdict.gap < 0.0 and not verdict.holds:
+            bound = f"{verdict.lower_bound:.6g} s; no plan within the limits is as fast as this one, which breaks them"
         if verdict.proof is not None:
             bound += f", {verdict.bound_from}"
         elif verdict.bound_claimed:

@@ -186,3 +186,12 @@ def test_limits_that_are_absent_are_not_shown(sound: Verdict) -> None:
 def test_quantities(value: float, said: str) -> None:
     assert quantity(value, "mm") == said
     assert quantity(0.5, "") == "0.5"
+
+
+def test_a_plan_below_the_bound_is_told_to_break_its_limits(sound: Verdict) -> None:
+    above = replace(sound.profile, lower_bound=1.01 * sound.profile.duration)
+    broken = report_with(sound.plan_report, (0, 1.5, False))
+    text = text_of(replace(sound, profile=above, plan_report=broken))
+    assert "no plan within the limits is as fast as this one, which breaks them" in text
+    assert "the gap is at most" not in text
+    assert "the gap is at most" in text_of(sound)
