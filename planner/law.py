@@ -50,6 +50,13 @@ class TimeNodes:
         t = self.t * factor if steps is None else np.concatenate([[0.0], np.cumsum(steps[0])])
         return TimeNodes(t, self.u, self.u_rate / factor, self.u_acceleration / factor**2, steps)
 
+    def only(self, index: NDArray[np.intp]) -> TimeNodes:
+        """The law through some of the nodes, first and last among them."""
+        steps = None if self.steps is None else np.add.reduceat(self.steps, index[:-1], axis=1)
+        nodes = TimeNodes(self.t[index], self.u[index], self.u_rate[index], self.u_acceleration[index], steps)
+        nodes._keep_forward_at_stops()
+        return nodes
+
     def _keep_forward_at_stops(self) -> None:
         """Let u not fall back in an interval that ends at rest, where the solver's last digits shape the quintic.
 
@@ -182,6 +189,11 @@ class Utilisation:
     def slowdown(self) -> FloatArray:
         """By how much each interval must slow down to keep its limits: max(V, A^(1/2), J^(1/3))."""
         return np.maximum(self.speed, np.maximum(np.sqrt(self.acceleration), np.cbrt(self.jerk)))
+
+    def spread(self, parts: NDArray[np.intp]) -> Utilisation:
+        """The same for ``parts`` equal shares of each interval."""
+        rows = (self.speed, self.acceleration, self.jerk, self.backward)
+        return Utilisation(*(np.repeat(row, parts) for row in rows))
 
 
 def utilisation(curve: Curve, limits: Limits, nodes: TimeNodes) -> Utilisation:

@@ -21,6 +21,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planner.bounds import section_bound
 from planner.constraints import Constraints, Parameter, build
@@ -64,6 +65,8 @@ _BACKWARD = 5e-10  # of the largest rate of u: slower than that is rounding
 ALMOST_MET = 1.0 + 1e-6
 _PRESCRIBED_MARGIN = 2e-6
 _CONTINUED_GAIN = 2.0
+# Nodes closer to a stop than this share of the domain of u are left out.
+_ON_STOP = 2e-12
 # An interior point needs room above a feed that is prescribed at its limit.
 _PRESCRIBED_ROOM = 1e-9
 
@@ -321,14 +324,21 @@ class Round:
     @classmethod
     def of(cls, task: Task, number: int, attempt: Attempt, path: Parameter) -> Round:
         """Measure an attempt between its nodes; a SolverError where it is not finite."""
-        nodes = attempt.law.nodes(path)
-        require_finite(task.section.curve, nodes)
-        used = utilisation(task.section.curve, task.limits, nodes)
+        given = attempt.law.nodes(path)
+        require_finite(task.section.curve, given)
+        kept = _apart_from_stops(task.section, given)
+        nodes = given if kept.size == given.t.size else given.only(kept)
+        used = utilisation(task.section.curve, task.limits, nodes).spread(np.diff(kept))
         slowdown = float(used.slowdown.max())
         kappa = 1.0 if task.prescribed else max(1.0, slowdown * (1.0 + PEAK_MARGIN))
         forward = bool((used.backward <= _BACKWARD * float(np.abs(nodes.u_rate).max())).all())
         stats = {**attempt.stats, "slowdown": slowdown, "rounds": number + 1}
         return cls(number, nodes.dilated(kappa), used, slowdown, forward, stats)
+
+    @property
+    def place(self) -> float:
+        """Parameter at which it uses most of its limits, but for the few nodes left out beside a stop."""
+        return float(self.nodes.u[min(int(self.used.slowdown.argmax()), self.nodes.u.size - 1)])
 
     def is_better_than(self, other: Round, task: Task) -> bool:
         """Forward first; then sooner, or where nothing may be slowed down, closer to its limits."""
@@ -364,7 +374,7 @@ def _say_slowing_down(best: Round, stats: dict[str, Any]) -> None:
             stats["status"] = f"slowed down by {percent:.2g} %"
         stats["notes"].append(
             f"slowed down as a whole by {percent:.2g} %, for what the plan would use of its limits at u = "
-            f"{best.nodes.u[int(best.used.slowdown.argmax())]:.6g}: refining the grid there did not help"
+            f"{best.place:.6g}: refining the grid there did not help"
         )
 
 
@@ -413,6 +423,17 @@ def _not_attainable(section: Section, error: SolverError) -> str:
         f"between u = {section.u_start:.6g} and {section.u_end:.6g} (length {length:.6g} mm): {error}; a prescribed feed "
         "must be attainable under the limits, lower it"
     )
+
+
+def _apart_from_stops(section: Section, nodes: TimeNodes) -> NDArray[np.intp]:
+    """Nodes that are not a stop but for rounding: who reads a table takes what is so close to a stop for the stop."""
+    inside = np.ones(nodes.t.size, dtype=np.bool_)
+    least = _ON_STOP * (section.curve.domain[1] - section.curve.domain[0])
+    if section.start_feed is None:
+        inside[1:-1] &= nodes.u[1:-1] - section.u_start > least
+    if section.end_feed is None:
+        inside[1:-1] &= section.u_end - nodes.u[1:-1] > least
+    return np.flatnonzero(inside)
 
 
 def _by_interval(values: FloatArray, grid: Grid) -> FloatArray:

@@ -44,9 +44,8 @@ def test_a_curve_that_once_broke_a_limit_is_planned(seed):
     assert of_file(seed) == "planned"
 
 
-@pytest.mark.parametrize("seed", [36, 53])
-def test_a_curve_for_which_no_law_is_found_is_refused_with_its_place(seed):
-    assert re.match(r"SolverError: .*near u = -?[\d.]+", of_file(seed))
+def test_a_curve_for_which_no_law_is_found_is_refused_with_its_place():
+    assert re.match(r"SolverError: .*near u = -?[\d.]+", of_file(36))
 
 
 def test_a_solve_that_fails_names_its_stretch(monkeypatch):
@@ -68,7 +67,7 @@ def test_nothing_but_a_plan_or_a_refusal_comes_out(first):
         assert re.match(r"planned|breaks|\w+Error: ", outcome(case.curve, case.limits)), seed
 
 
-@pytest.mark.parametrize("seed", [2001, 2003, 2004, 2005, 2010, 2015, 2017, 2018, 2019, 2020, 2021, 2022])
+@pytest.mark.parametrize("seed", [2000, 2001, 2003, 2004, 2005, 2010, 2015, 2017, 2018, 2019, 2020, 2021, 2022])
 def test_extreme_curves_are_planned(seed):
     case = extreme_case(seed)
     assert outcome(case.curve, case.limits) == "planned"
