@@ -70,6 +70,17 @@ class TimeNodes:
                 self.u_acceleration[inner] = sign * min(sign * self.u_acceleration[inner], most)
 
 
+def joined(parts: list[TimeNodes]) -> TimeNodes:
+    """Join laws; at a stop the last node of one and the first of the next form a double node."""
+    offsets = np.concatenate([[0.0], np.cumsum([part.t[-1] for part in parts])])
+    return TimeNodes(
+        np.concatenate([part.t + offset for part, offset in zip(parts, offsets[:-1], strict=True)]),
+        np.concatenate([part.u for part in parts]),
+        np.concatenate([part.u_rate for part in parts]),
+        np.concatenate([part.u_acceleration for part in parts]),
+    )
+
+
 @dataclass(frozen=True, eq=False)
 class SpeedLaw:
     """x = sigma_dot^2 as a piecewise cubic.

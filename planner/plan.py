@@ -14,13 +14,14 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from planner.bounds import section_bound
+from planner.chords import slowed_for_chords
 from planner.errors import InfeasibleError, InputError, SolverError
 from planner.geometry.curve import Curve, FloatArray, arc_derivatives
 from planner.guard import require_law
-from planner.law import TimeNodes, utilisation
+from planner.law import TimeNodes, joined, utilisation
 from planner.limits import Limits, feedrate_limits
 from planner.profile import FeedrateProfile, make_profile
-from planner.refine import ALMOST_MET, MIN_INTERVALS, PEAK_MARGIN, Effort, Progress, SectionPlan, not_met
+from planner.refine import ALMOST_MET, MIN_INTERVALS, PEAK_MARGIN, WORTH_SAYING, Effort, Progress, SectionPlan, not_met
 from planner.refine import plan_section as plan_and_refine
 from planner.sections import Section, cut
 
@@ -111,7 +112,8 @@ def plan_feedrate(
             progress(f"section {i + 1} of {len(sections)}", float(shares[:i].sum()))
         effort = Effort.for_share(intervals, float(shares[i]), section)
         plans.append(_plan_section(section, limits, method, periodic, began + budget, effort, progress))
-    nodes = _chain([plan.nodes for plan in plans])
+    plans = _hold_chords(curve, limits, sections, plans)
+    nodes = joined([plan.nodes for plan in plans])
     require_law(curve, nodes)
     stats = _collect(sections, plans, limits, exact_stop)
     slowed = np.repeat(
@@ -252,15 +254,26 @@ def _plan_without_jerk(section: Section, limits: Limits, effort: Effort, periodi
     return SectionPlan(nodes, section_bound(section, limits, effort.intervals, periodic=periodic), stats)
 
 
-def _chain(parts: list[TimeNodes]) -> TimeNodes:
-    """Join the sections; at a stop the last node of one and the first of the next form a double node."""
-    offsets = np.concatenate([[0.0], np.cumsum([part.t[-1] for part in parts])])
-    return TimeNodes(
-        np.concatenate([part.t + offset for part, offset in zip(parts, offsets[:-1], strict=True)]),
-        np.concatenate([part.u for part in parts]),
-        np.concatenate([part.u_rate for part in parts]),
-        np.concatenate([part.u_acceleration for part in parts]),
-    )
+def _hold_chords(curve: Curve, limits: Limits, sections: list[Section], plans: list[SectionPlan]) -> list[SectionPlan]:
+    """Slow down the sections in which the true chord error is too large, and say so."""
+    may_slow = [not section.has_prescribed_feed for section in sections]
+    factors = slowed_for_chords(curve, limits, [plan.nodes for plan in plans], may_slow)
+    held = []
+    for section, plan, factor in zip(sections, plans, factors, strict=True):
+        if factor == 1.0:
+            held.append(plan)
+            continue
+        percent = 100.0 * (factor - 1.0)
+        note = (
+            f"slowed down by {percent:.2g} % from u = {section.u_start:.6g} to {section.u_end:.6g} for its chord error, "
+            "which the osculating circle does not tell where the curvature changes within a period"
+        )
+        stats = {**plan.stats, "slowdown": max(1.0, plan.stats.get("slowdown", 1.0)) * float(factor)}
+        stats["notes"] = [*plan.stats.get("notes", []), note]
+        if factor > WORTH_SAYING:
+            stats["status"] = f"slowed down by {percent:.2g} %"
+        held.append(SectionPlan(plan.nodes.dilated(float(factor)), plan.lower_bound, stats))
+    return held
 
 
 def _collect(sections: list[Section], plans: list[SectionPlan], limits: Limits, exact_stop: bool) -> dict[str, Any]:

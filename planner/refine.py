@@ -53,7 +53,7 @@ _TOO_COARSE, _HOPELESS, _COARSE = 1.004, 1.05, 1.0003
 # Where no limit binds for more than this share of the time, the grid is too coarse.
 _UNBOUND = 0.03
 # A slowing down by more than this is said, and so much is not accepted while the grid may still be refined.
-_WORTH_SAYING = 1.001
+WORTH_SAYING = 1.001
 _MARGIN_STEP = 2e-5
 _MARGIN_REACH = 2
 _MAX_ROUNDS = 8
@@ -355,7 +355,7 @@ class Round:
     def is_too_coarse(self, effort: Effort) -> bool:
         """The grid should be refined rather than the limits tightened."""
         limit = _TOO_COARSE if effort.free else _HOPELESS
-        return not self.forward or self.slowdown > (limit if self.number < _TIGHTENING_ROUNDS else _WORTH_SAYING)
+        return not self.forward or self.slowdown > (limit if self.number < _TIGHTENING_ROUNDS else WORTH_SAYING)
 
 
 def _coarse(task: Task, intervals: int) -> Attempt | None:
@@ -368,7 +368,7 @@ def _coarse(task: Task, intervals: int) -> Attempt | None:
 
 def _say_slowing_down(best: Round, stats: dict[str, Any]) -> None:
     """Say so where a plan is a good deal slower than what was solved for."""
-    if best.slowdown > _WORTH_SAYING:
+    if best.slowdown > WORTH_SAYING:
         percent = 100.0 * (best.slowdown - 1.0)
         if stats["status"] in {"optimal", "feasible"}:
             stats["status"] = f"slowed down by {percent:.2g} %"

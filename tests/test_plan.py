@@ -640,3 +640,23 @@ def test_an_axis_that_loses_its_jerk_limit_makes_no_plan_slower(name: str) -> No
     curve = load_curve(name, scale=1.0 if name == "circle" else 10.0)
     durations = [plan_feedrate(curve, plane(jerk=[20000.0, free])).duration for free in (2e4, 1e5, 1e6, np.inf)]
     assert (np.diff(durations) <= 1e-5 * durations[0]).all(), durations
+
+
+def test_the_true_chord_error_is_kept_at_a_near_cusp() -> None:
+    """Turned back within less than a period's way: the osculating circle allows what leaves the path by 42 times more."""
+    data = Path(__file__).parent / "data" / "curves"
+    curve, limits = load_curve(data / "seed109.json"), load_limits(data / "seed109.toml")
+    profile = plan_feedrate(curve, limits)
+    row = check(curve, limits, profile).row("chord error")
+    assert row.ok
+    assert row.ratio > 0.9
+    assert profile.stats["slowdown"] > 1.1
+    assert any("for its chord error" in note for note in profile.stats["notes"])
+
+
+def test_a_plan_that_keeps_its_chord_error_is_left_as_it_is() -> None:
+    curve = load_curve("butterfly", scale=10.0)
+    limits = plane(chord_error=1e-4)
+    profile = plan_feedrate(curve, limits, intervals=400)
+    assert not any("chord error" in note for note in profile.stats["notes"])
+    assert check(curve, limits, profile).ok

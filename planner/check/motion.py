@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -10,7 +11,26 @@ from planner.check.peaks import IntArray
 from planner.check.quantities import names
 from planner.check.sizes import EPS, ON_KNOT
 from planner.geometry.curve import Curve, FloatArray
-from planner.profile import FeedrateProfile
+
+
+class Law(Protocol):
+    """Nodes of a time law: four (n,) arrays."""
+
+    @property
+    def t(self) -> FloatArray:
+        """Times, s."""
+
+    @property
+    def u(self) -> FloatArray:
+        """Curve parameters."""
+
+    @property
+    def u_rate(self) -> FloatArray:
+        """First time derivative of u."""
+
+    @property
+    def u_acceleration(self) -> FloatArray:
+        """Second time derivative of u."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +48,7 @@ class TimeLaw:
     slack: FloatArray
 
     @classmethod
-    def of(cls, profile: FeedrateProfile) -> TimeLaw:
+    def of(cls, profile: Law) -> TimeLaw:
         """Take the intervals that have a length; those of double nodes have none."""
         nodes = np.stack([profile.u, profile.u_rate, profile.u_acceleration])
         kept = np.flatnonzero(np.diff(profile.t) > 0.0)
