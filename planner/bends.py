@@ -50,7 +50,7 @@ def smallest_radius(limits: Limits, weights: FloatArray) -> float:
     if np.isinf(acceleration):
         return 0.0
     within = min(_OF_PERIODS * jerk * limits.period**3, acceleration * limits.period**2)
-    return within if np.isinf(jerk) else max(within, _SMALLEST_RADIUS * acceleration**3 / jerk**2)
+    return within if np.isinf(jerk) else max(within, _SMALLEST_RADIUS * acceleration * (acceleration / jerk) ** 2)
 
 
 def tight_bends(curve: Curve, limits: Limits, weights: FloatArray, *, hidden: bool = True) -> list[Bend]:

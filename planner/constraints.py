@@ -131,7 +131,7 @@ def path_at(section: Section, limits: Limits, sigma: FloatArray, u: FloatArray, 
     u1, u2, u3 = section.parameter_derivatives(q, axis_weights(limits), rest)
     tip = q if curve.tip is curve else evaluate(curve.tip, u, left)
     speed = np.sqrt(dot(tip[1], tip[1]))
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         s2 = np.where(speed > 0.0, dot(tip[1], tip[2]) / speed, 0.0)
         s3 = dot(tip[2], tip[2]) + dot(tip[1], tip[3]) - s2**2
         s3 = np.where(speed > 0.0, s3 / speed, 0.0)
@@ -210,7 +210,7 @@ def build(
 
 def speed_limits(limits: Limits, path: Path) -> FloatArray:
     """Largest sigma_dot at each point by feed, chord error and each axis velocity, (2 + dim, p)."""
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         feed = path.feed / path.tip[1]
         chord = chord_feed_limit(path.curvature, limits) / path.tip[1]
         velocity = limits.velocity / np.abs(path.axes[1])
@@ -268,7 +268,7 @@ def _soften_jumps(
     at = grid.sigma[first]
     step = path.axes[2, 2 * first + 2] - path.axes[2, 2 * first]
     slope = np.abs(path.axes[1, 2 * first])
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         alone = np.min(STEP_SHARE * limits.jerk * limits.period / np.abs(step), axis=1)
         gain = np.min(limits.acceleration / slope, axis=1)
     passed = _together(at, step, np.minimum(alone, cap[2 * first]), limits)

@@ -147,7 +147,7 @@ def scan(section: Section, limits: Limits, intervals: int) -> Scan:
     accelerations, jerks = weights * limits.acceleration, weights * limits.jerk
     # a sample on a step of the cap takes the lower side
     commanded = np.minimum(commanded_feed(curve, limits, u), commanded_feed(curve, limits, u, True))
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         # fmin passes over the 0/0 of an axis that neither moves nor has a limit
         ceiling = np.fmin.reduce(weights * limits.velocity / np.abs(arc[1]), axis=1)
         ceiling = np.fmin(ceiling, np.sqrt(np.fmin.reduce(accelerations / np.abs(arc[2]), axis=1)))
@@ -190,7 +190,7 @@ def _dips(section: Section, limits: Limits, weights: FloatArray) -> Dips:
         d[1:] *= weights
     before, after = (arc_derivatives(d) for d in sides)
     jerks = weights * limits.jerk
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         feed = np.sqrt(np.fmin.reduce(STEP_SHARE * limits.period * jerks / np.abs(after[2] - before[2]), axis=1))
         for i, (at, prescribed) in enumerate(ends, start=len(section.jumps)):
             tip = np.sqrt(np.sum(curve.tip.derivatives(at, 1)[1] ** 2))
@@ -376,6 +376,11 @@ def resolvable(guess: Scan) -> int:
         least = np.cbrt(60.0 * digit / (_ROUNDING_SHARE * guess.jerk))
     per_node = 0.5 * (least[1:] + least[:-1])
     count = np.sum(np.diff(time)[per_node > 0.0] / (2.0 * per_node[per_node > 0.0]))
+    if not np.isfinite(count):
+        raise InfeasibleError(
+            "the limits leave no feed that can be told from 0 on some of the path; a period, a chord error, a velocity, an "
+            "acceleration or a jerk is too small or too large for it by many orders of magnitude"
+        )
     return int(np.clip(count, _LEAST_RESOLVABLE, 1e9)) if (per_node > 0.0).any() else 10**9
 
 

@@ -400,3 +400,23 @@ class TestBadInput:
         code, out, err = run(*command)
         assert (code, out) == (2, "")
         assert message in err
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("ngc", "part.ngc", "-o", "part.ngc"), "is an input of this command"),
+        (("time", "part.ngc", "-o", "./part.ngc"), "is an input of this command"),
+        (("plan", "part.ngc", "--program", "part.ngc"), "is an input of this command"),
+        (("plan", "part.ngc", "--lines", "same.csv", "-o", "same.csv"), "is given for two outputs"),
+    ],
+)
+def test_no_input_and_no_other_output_is_replaced(run, tmp_path, monkeypatch, options, message):
+    text = "G21 G90 F6000\nG1 X10\nG1 Y10\nM2\n"
+    (tmp_path / "part.ngc").write_text(text)
+    monkeypatch.chdir(tmp_path)
+    code, out, err = run(*options)
+    assert (code, out) == (2, "")
+    assert message in " ".join(err.split())
+    assert (tmp_path / "part.ngc").read_text() == text
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["part.ngc"]

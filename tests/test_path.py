@@ -325,3 +325,13 @@ class TestBadInput:
         assert curve.axes == ("X", "Y")
         assert curve.fingerprint != path_of("slots", 1e-2).curve.fingerprint
         assert curve.length == pytest.approx(curve.domain[1], rel=2e-3)
+
+
+def test_a_tube_ends_where_the_exact_mode_begins():
+    """A block of 10 nm under G61 goes straight on from one that a tube was led through."""
+    points = [(4.98141, 2.03765), (4.9813, 2.02975), (4.9813, 2.02811), (4.9813, 2.0281)]
+    moves = [line(*point, tolerance=0.01) for point in points[:-1]] + [line(*points[-1], tolerance=0.0, stop=True)]
+    path = program_path(program(*moves), None, PLANE)
+    assert path.deviation_share <= 1.0
+    profile = plan_feedrate(path.curve, PLANE)
+    assert check(path.curve, PLANE, profile).ok

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -131,6 +131,17 @@ def exits() -> Iterator[None]:
         raise typer.Exit(BAD_INPUT if isinstance(error, InputError) else NO_PLAN) from None
     finally:
         signal.signal(signal.SIGINT, previous)
+
+
+def require_apart(outputs: Sequence[Path | None], inputs: Sequence[str | Path | None]) -> None:
+    """Refuse an output that would replace an input, or another output."""
+    taken = {Path(name).resolve(): f"is an input of this command: {name}" for name in inputs if name is not None}
+    for output in outputs:
+        if output is None:
+            continue
+        if reason := taken.get(output.resolve()):
+            raise InputError(f"{output}: {reason}; give another name for the output")
+        taken[output.resolve()] = "is given for two outputs"
 
 
 def require_outputs(table: Path | None, plot: Path | None, report: Path | None = None) -> None:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from planner.cli.app import BROKEN, NO_PLAN, CurveName, Machine, Scale, app, exits, load, require_outputs
+from planner.cli.app import BROKEN, NO_PLAN, CurveName, Machine, Scale, app, exits, load, require_apart, require_outputs
 from planner.errors import InputError
 from planner.output import require_writable, whole_file
 
@@ -64,6 +64,7 @@ def compare(
     a limit, or without it every method does.
     """
     with exits():
+        require_apart([output, plot], [curve, machine])
         if output is not None:
             _require_format(output)
             require_writable(output)

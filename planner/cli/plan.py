@@ -23,6 +23,7 @@ from planner.cli.app import (
     app,
     exits,
     report_verdict,
+    require_apart,
     require_outputs,
     show,
     with_proof,
@@ -91,7 +92,7 @@ def plan(
     """
     with exits():
         files = Files(output, certificate, plot, report, program, lines)
-        files.require_writable(curve, method)
+        files.require_writable(curve, machine, method)
         share = 1.0 if program is None else PATH_SHARE
         part = load_part(curve, scale, machine, feed_mm_s, period_s, tolerance_mm, share)
         path, limits = part.curve, part.limits
@@ -144,8 +145,11 @@ class Files:
         every = (self.output, self.certificate, self.plot, self.report, self.program, self.lines)
         return tuple(str(name) for name in every if name is not None)
 
-    def require_writable(self, curve: str, method: Method) -> None:
+    def require_writable(self, curve: str, machine: str | None, method: Method) -> None:
         """Refuse what cannot be written before anything is planned."""
+        require_apart(
+            [self.output, self.certificate, self.plot, self.report, self.program, self.lines], [curve, machine]
+        )
         require_outputs(self.output, self.plot, self.report)
         require_outputs(self.lines, None)
         if self.program is not None:
@@ -258,6 +262,7 @@ def replay(
     Exit code 1: they break a limit; a file of them says so.
     """
     with exits():
+        require_apart([output], [table, curve])
         require_outputs(output, None)
         import interp
         from planner import read_table

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from planner.cli.app import BROKEN, AsJson, CurveName, Machine, Scale, app, exits, require_outputs, show
+from planner.cli.app import BROKEN, AsJson, CurveName, Machine, Scale, app, exits, require_apart, require_outputs, show
 from planner.cli.parts import (
     DEFAULT_TOLERANCE,
     PATH_SHARE,
@@ -58,6 +58,7 @@ def time(
     """
     with exits():
         require_program(program, "feedplan time")
+        require_apart([output], [program, machine])
         require_outputs(output, None)
         part = load_part(program, 1.0, machine, feed_mm_s, None, tolerance_mm)
         from dataclasses import replace
@@ -119,6 +120,7 @@ def ngc(
     the plan or its samples break a limit, and nothing is written.
     """
     with exits():
+        require_apart([output], [curve, machine, table])
         require_writable(output)
         if table is not None and (machine is not None or feed_mm_s is not None):
             raise InputError("--table brings its own limits; leave --machine and --feed-mm-s out")

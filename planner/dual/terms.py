@@ -219,7 +219,7 @@ class Track:
         if curve.feed_caps is not None:  # where it changes within a cell, the larger
             for side in (commanded_feed(curve, limits, self.u[0, k]), commanded_feed(curve, limits, end, True)):
                 feed = np.maximum(feed, side)
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             cap = np.where(speed > 0.0, np.minimum(feed, chord_feed_limit(curvature(tip), limits)) / speed, np.inf)
             cap = np.fmin(cap, np.fmin.reduce(limits.velocity / np.abs(q[1]), axis=1))
         return np.vstack([q[1].T, speed]), np.vstack([q[2].T, bend]), cap**2
@@ -280,7 +280,7 @@ def jump_cap(limits: Limits, before: Points, after: Points) -> FloatArray:
     for i in range(dim):
         for j in range(i):
             cross = np.abs(step[i] * before.first[j] - step[j] * before.first[i])
-            with np.errstate(divide="ignore", invalid="ignore"):
+            with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
                 both = np.where(slope[j] > 0.0, largest[i] * slope[j], 0.0)
                 both += np.where(slope[i] > 0.0, largest[j] * slope[i], 0.0)
                 cap = np.fmin(cap, both / cross)

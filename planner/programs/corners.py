@@ -116,6 +116,8 @@ def classify(programmed: Programmed, tolerance: FloatArray, stop: NDArray[np.boo
     kind[turn > CORNER_TURN] = Junction.CORNER
     kind[stop | (turn > LARGEST_TURN)] = Junction.STOP
     kind[(allowed <= 0.0) & (kind != Junction.SMOOTH)] = Junction.STOP
+    # Where the exact mode begins or ends, a tube must not lead on, however straight the program goes on.
+    kind[(tolerance[:-1] <= 0.0) != (tolerance[1:] <= 0.0)] = Junction.STOP
     size = np.zeros(turn.size)
     longer = np.maximum(length[:-1], length[1:])
     for _ in range(3):  # a corner left to the tube, or to a stop, gives room to its neighbours

@@ -15,6 +15,7 @@ from planner.geometry.curve import Curve, FloatArray
 from planner.programs.deviation import Deviation, Programmed, deviation
 
 Place = tuple[float, float, float]
+_ROUNDED = 1e-9  # mm: what digits leave of a path that is the program itself
 _REACH = 8.0  # tolerances along the path in which the nearest point is searched, besides what pieces and blocks take
 
 
@@ -85,7 +86,8 @@ def largest_deviation(
             where=(np.interp(lo, place, edges), np.interp(hi, place, edges)),
         )
         found = max(found, measured, key=lambda item: item.largest)
-        largest = max(largest, measured.largest / value)
+        exact = 0.0 if measured.largest <= _ROUNDED else np.inf  # of a tolerance of 0
+        largest = max(largest, measured.largest / value if value > 0.0 else exact)
     return found, largest
 
 
