@@ -1127,3 +1127,21 @@ def test_types_are_what_they_say(line, line_limits, line_plan):
         for field in ("worst", "allowed", "ratio", "t", "u", "slack"):
             assert type(getattr(row, field)) is float
         assert type(row.ok) is bool
+
+
+@pytest.mark.parametrize("allowed", [1e-9, 1e-3])
+def test_chords_that_cannot_be_the_highest_are_left_out_and_change_nothing(monkeypatch, allowed):
+    """Samples of 0.01 to 0.3 steps on an ellipse: the highest chord is that of looking at them all."""
+    chords = importlib.import_module("planner.check.chords")
+    ellipse = FormulaCurve({"X": "30*cos(u)", "Y": "3*sin(u)"}, (0.0, 2.0 * np.pi))
+    u = np.concatenate([[0.0], np.cumsum(np.random.default_rng(4).uniform(0.01, 0.3, 60_000))])
+    u = u / u[-1] * 2.0 * np.pi
+    samples = Samples(1e-3, 1e-3 * np.arange(u.size), u, ellipse.derivatives(u, 0)[0])
+    looked_at = []
+    heights = chords._heights
+    monkeypatch.setattr(chords, "_heights", lambda *given: looked_at.append(given[-1]) or heights(*given))
+    found = chords.sample_chord(ellipse, samples, u, 24, allowed=allowed, rounding=1e-14)
+    assert sum(looked_at) < 0.2 * u.size
+    monkeypatch.setattr(chords, "_within", lambda _curve, u, _rounding: np.full(u.size - 1, np.inf))
+    assert chords.sample_chord(ellipse, samples, u, 24, allowed=allowed, rounding=1e-14) == found
+    assert sum(looked_at) > u.size

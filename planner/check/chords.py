@@ -9,6 +9,7 @@ import numpy as np
 from planner.check.motion import Motion, TimeLaw, dot, norm
 from planner.check.peaks import CANDIDATES, Highest, IntArray, chunks, zoom
 from planner.check.report import Place
+from planner.check.sizes import LENGTH_ACCURACY
 from planner.geometry.curve import Curve, FloatArray
 from planner.profile import Samples
 
@@ -16,6 +17,7 @@ from planner.profile import Samples
 _CHORD_PARTS = 16
 _CHORD_STRIDE = 4
 _STARTS_PER_INTERVAL = 24
+_WORTH_A_LOOK = 1e-3  # of the chord error allowed
 
 
 def _from_segment(points: FloatArray, a: FloatArray, b: FloatArray) -> FloatArray:
@@ -108,8 +110,15 @@ def _climb_chords(
     return start, share
 
 
-def sample_chord(curve: Curve, samples: Samples, u: FloatArray, density: int) -> tuple[float, Place]:
-    """Largest distance between the tip's path and the chords between consecutive samples."""
+def sample_chord(
+    curve: Curve, samples: Samples, u: FloatArray, density: int, *, allowed: float, rounding: float
+) -> tuple[float, Place]:
+    """Largest distance between the tip's path and the chords between consecutive samples.
+
+    A path of length L between the ends of a chord c stays within sqrt(L^2 - c^2) / 2 of it.  Chords are looked at from the
+    largest of these bounds on, as long as they may be among the highest and a thousandth of what is ``allowed``, mm: a slow
+    program has millions that are neither.  ``rounding``: that of positions, mm.
+    """
     tip = curve.tip
     begin, end = u[:-1], u[1:]
     grid = np.linspace(0.0, 1.0, density)
@@ -123,7 +132,13 @@ def sample_chord(curve: Curve, samples: Samples, u: FloatArray, density: int) ->
         return _from_segment(between(k, x), ends[0], ends[1])
 
     highest = Highest()
-    for k in chunks(begin.size, density):
+    bound = _within(curve, u, rounding)
+    order = np.argsort(-bound, kind="stable")
+    for some in chunks(begin.size, density):
+        k = order[some]
+        least = highest.height[-1] if highest.height.size == CANDIDATES else 0.0
+        if some[0] > 0 and bound[k[0]] < max(least, _WORTH_A_LOOK * allowed):
+            break
         height, at = _heights(between(k, grid).reshape(k.size * density, tip.dim), density, density - 1, k.size)
         highest.offer(height, k, grid[at])
     top = highest.index
@@ -134,3 +149,10 @@ def sample_chord(curve: Curve, samples: Samples, u: FloatArray, density: int) ->
     first, share = int(top[best]), float(x[best])
     place = float(samples.t[first]) + share * samples.period, float(begin[first] + (end[first] - begin[first]) * share)
     return float(heights[best]), place
+
+
+def _within(curve: Curve, u: FloatArray, rounding: float) -> FloatArray:
+    """How far the tip's path can leave each chord between consecutive parameters, by its length, (n - 1,)."""
+    chord = norm(np.diff(curve.tip.derivatives(u, 0)[0], axis=0))
+    length = np.abs(np.diff(curve.arclength.s(u))) + LENGTH_ACCURACY * curve.length + 2.0 * rounding
+    return np.asarray(0.5 * np.sqrt(np.maximum(length - chord, 0.0)) * np.sqrt(length + chord))

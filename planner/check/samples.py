@@ -12,16 +12,13 @@ from planner.check.peaks import zoom
 from planner.check.quantities import AXIS_RATES
 from planner.check.report import Place, Report, Rows
 from planner.check.scan import machine_caps
-from planner.check.sizes import EPS, extent, group_sizes, position_rounding
+from planner.check.sizes import EPS, LENGTH_ACCURACY, extent, group_sizes, position_rounding
 from planner.errors import InputError
 from planner.geometry.curve import Curve, FeedCaps, FloatArray
 from planner.limits import Limits
 from planner.profile import Samples
 
 _PATH_TOLERANCE = 1e-9
-# Accuracy to which the arc length of samples is known, as a fraction of the whole length.
-_LENGTH_ACCURACY = 1e-14
-
 # The tip comes to rest where its |C'| falls below this fraction of that at the samples before and after: to 0 but for the
 # digits of u.  A turn, however tight, is none.
 _AT_REST = 1e-8
@@ -47,7 +44,7 @@ def check_samples(curve: Curve, limits: Limits, samples: Samples, density: int, 
             highest = _highest_caps(caps, u)
             k = int((feeds / highest).argmax())
             rows.add(name, feeds[k], highest[k], _middle(samples, k + 0.5), slack=2.0 * tip_rounding / period)
-    worst, place = sample_chord(curve, samples, u, density)
+    worst, place = sample_chord(curve, samples, u, density, allowed=limits.chord_error, rounding=tip_rounding)
     rows.add("chord error", worst, limits.chord_error, place, slack=tip_rounding)
     # A position is known to half its last digit, its evaluation to about as much, and u moves it by |C_u| times half of
     # its own: e in all.  The n-th difference weighs its points with the binomials, whose sum is 2^n, so e costs at most
@@ -63,7 +60,7 @@ def check_samples(curve: Curve, limits: Limits, samples: Samples, density: int, 
             place = _middle(samples, k - before + 0.5 * n)
             rows.add(name, sizes[k, j], getattr(limits, name)[j], place, slack=slack, j=j)
     s = _signed_length(curve, u)
-    s_rounding = _LENGTH_ACCURACY * curve.length + tip_rounding
+    s_rounding = LENGTH_ACCURACY * curve.length + tip_rounding
     moving, before = _held(samples, s)
     for n, name in ((2, "tangential acceleration"), (3, "tangential jerk")):
         size = np.abs(np.diff(moving, n)) / period**n

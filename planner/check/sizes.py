@@ -12,6 +12,8 @@ EPS = float(np.finfo(np.float64).eps)
 VELOCITY_STEP = 1e-9
 # Nodes within this fraction of the domain of a knot lie on it.
 ON_KNOT = 1e-12
+# Accuracy to which an arc length is known, as a fraction of the whole length.
+LENGTH_ACCURACY = 1e-14
 
 
 def extent(curve: Curve) -> float:
