@@ -21,6 +21,8 @@ PLAN_KERNELS = (
     "planner.geometry.kernels",
     "planner.kernels",
     "planner.solvers.kernels",
+    "planner.solvers.acceleration_kernels",
+    "planner.dual.kernels",
     "planner.check.kernels",
     "interp.kernels",
 )
