@@ -234,6 +234,19 @@ def commanded_feed(curve: Curve, limits: Limits, u: FloatArray, left: NDArray[np
     return np.where(np.isinf(cap), limits.rapid, np.minimum(limits.feed, cap))
 
 
+COMMANDS = ("feed", "programmed feed", "rapid")
+
+
+def command_kind(
+    curve: Curve, limits: Limits, u: FloatArray, left: NDArray[np.bool_] | bool = False
+) -> NDArray[np.int8]:
+    """Which of ``COMMANDS`` sets the feed limit at parameters u: that of the limits, a cap of the curve, that of rapids."""
+    if curve.feed_caps is None:
+        return np.zeros(u.shape, dtype=np.int8)
+    cap = curve.feed_caps.at(u, left)
+    return np.where(np.isinf(cap), 2, np.where(cap < limits.feed, 1, 0)).astype(np.int8)
+
+
 def largest_command(curve: Curve, limits: Limits) -> float:
     """Largest feed commanded anywhere on a curve, mm/s."""
     if curve.feed_caps is None:

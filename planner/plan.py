@@ -21,7 +21,17 @@ from planner.guard import require_law
 from planner.law import TimeNodes, joined, utilisation
 from planner.limits import Limits, feedrate_limits
 from planner.profile import FeedrateProfile, make_profile
-from planner.refine import ALMOST_MET, MIN_INTERVALS, PEAK_MARGIN, WORTH_SAYING, Effort, Progress, SectionPlan, not_met
+from planner.refine import (
+    ALMOST_MET,
+    MIN_INTERVALS,
+    PEAK_MARGIN,
+    WORTH_SAYING,
+    Effort,
+    Progress,
+    SectionPlan,
+    not_met,
+    say_slowing_down,
+)
 from planner.refine import plan_section as plan_and_refine
 from planner.sections import Section, cut
 
@@ -226,10 +236,10 @@ def _plan_section(
             used = utilisation(section.curve, limits, nodes)
             slowdown = max(float(used.speed.max()), float(np.sqrt(used.acceleration.max())))
             nodes = nodes.dilated(max(1.0, slowdown * (1.0 + PEAK_MARGIN)))
-            stats["slowdown"] = max(1.0, slowdown)
-            stats["notes"] = [
-                f"slowed down by {100.0 * (slowdown - 1.0):.2g} % for what toppra exceeds between its points"
-            ]
+            if slowdown > 1.0:
+                stats["slowdown"] = slowdown
+                percent = 100.0 * (slowdown - 1.0)
+                stats["notes"] = [f"slowed down by {percent:.2g} % for what toppra exceeds between its points"]
         return SectionPlan(nodes, section_bound(section, limits.without_jerk(), effort.intervals), stats)
     return plan_and_refine(
         section,
@@ -246,7 +256,9 @@ def _plan_without_jerk(section: Section, limits: Limits, effort: Effort, periodi
     """Plan one section without any jerk limit; what its law still exceeds of the others slows it down."""
     from planner.solvers.accelerations import plan_section
 
-    nodes, unmet, stats = plan_section(section, limits, effort.intervals)
+    nodes, unmet, place, stats = plan_section(section, limits, effort.intervals)
+    stats["notes"] = []
+    say_slowing_down(unmet, place, stats)
     if not section.has_prescribed_feed:
         nodes = nodes.dilated(unmet * (1.0 + PEAK_MARGIN) if unmet > 1.0 else 1.0)
     elif unmet > ALMOST_MET:

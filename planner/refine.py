@@ -30,7 +30,7 @@ from planner.geometry.curve import FloatArray
 from planner.grid import Grid, Scan, place_knots, resolvable, scan, split, with_blends
 from planner.guard import require_finite
 from planner.law import SpeedLaw, TimeNodes, Utilisation, utilisation
-from planner.limits import Limits
+from planner.limits import Limits, command_kind
 from planner.profile import BINDING_SHARE
 from planner.sections import Section
 from planner.sensitivity import SpeedBound, saved_by_one_percent
@@ -186,10 +186,9 @@ class Stage:
         problem, path = build(task.section, task.limits, grid, task.guess, periodic=task.periodic)
         # of the path only what is needed from here on: a long one has no memory to spare
         parameter = Parameter(path.u, path.rounding)
-        caps = task.section.curve.feed_caps
         beyond = path.u[0] >= np.repeat(grid.stretch_end, 2)[:-1]
-        rapid = np.zeros(beyond.size, dtype=bool) if caps is None else np.isinf(caps.at(path.u[0], beyond))
-        speed = SpeedBound.of(task.limits, path, problem, rapid)
+        command = command_kind(task.section.curve, task.limits, path.u[0], beyond)
+        speed = SpeedBound.of(task.limits, path, problem, command)
         if task.prescribed:
             problem = _tightened(problem, *[1.0 + _PRESCRIBED_MARGIN] * 3)
         if task.section.reserve:
@@ -303,7 +302,7 @@ def plan_section(
         raise SolverError("no round of refinement was run")
     _require_met(task, best)
     stats = {**best.stats, "notes": notes, "solve_cpu_s": spent, "first_solve_cpu_s": first}
-    _say_slowing_down(best, stats)
+    say_slowing_down(best.slowdown, best.place, stats)
     return SectionPlan(best.nodes, section_bound(section, limits, wanted, periodic=periodic), stats)
 
 
@@ -366,15 +365,15 @@ def _coarse(task: Task, intervals: int) -> Attempt | None:
     return None
 
 
-def _say_slowing_down(best: Round, stats: dict[str, Any]) -> None:
-    """Say so where a plan is a good deal slower than what was solved for."""
-    if best.slowdown > WORTH_SAYING:
-        percent = 100.0 * (best.slowdown - 1.0)
+def say_slowing_down(slowdown: float, place: float, stats: dict[str, Any]) -> None:
+    """Say so, in status and notes, where a plan is a good deal slower than what was solved for."""
+    if slowdown > WORTH_SAYING:
+        percent = 100.0 * (slowdown - 1.0)
         if stats["status"] in {"optimal", "feasible"}:
             stats["status"] = f"slowed down by {percent:.2g} %"
         stats["notes"].append(
             f"slowed down as a whole by {percent:.2g} %, for what the plan would use of its limits at u = "
-            f"{best.place:.6g}: refining the grid there did not help"
+            f"{place:.6g}: refining the grid there did not help"
         )
 
 

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from planner.constraints import Constraints, Path, speed_limits
 from planner.geometry.curve import dot
-from planner.limits import Limits
+from planner.limits import COMMANDS, Limits
 from planner.solvers.optimal import Iterate
 
 _PERCENT = 0.01
@@ -47,17 +47,16 @@ class SpeedBound:
     def names(axes: tuple[str, ...]) -> list[str]:
         """Limits on the speed, those of jumps (by jerk) last."""
         return [
-            "feed",
+            COMMANDS[0],
             "chord error",
             *(f"velocity {axis}" for axis in axes),
-            "programmed feed",
-            "rapid",
+            *COMMANDS[1:],
             *(f"jerk {axis}" for axis in axes),
         ]
 
     @classmethod
-    def of(cls, limits: Limits, path: Path, problem: Constraints, rapid: NDArray[np.bool_]) -> SpeedBound:
-        """At the points of a problem, before its limits are tightened; ``rapid (p,)``: those on rapids."""
+    def of(cls, limits: Limits, path: Path, problem: Constraints, command: NDArray[np.int8]) -> SpeedBound:
+        """At the points of a problem, before its limits are tightened; ``command (p,)``: see ``limits.command_kind``."""
         bounds = speed_limits(limits, path)
         which = np.argmin(bounds, axis=0)
         lowest = bounds.min(axis=0)
@@ -67,8 +66,7 @@ class SpeedBound:
         error = np.minimum(limits.chord_error, radius)
         power[at] = 2.0 * (radius - error) / (2.0 * radius - error)
         programmed = 2 + limits.dim
-        which[(which == 0) & (path.feed < limits.feed)] = programmed
-        which[((which == 0) | (which == programmed)) & rapid] = programmed + 1
+        which = np.where(which == 0, np.array([0, programmed, programmed + 1])[command], which)
         per_x = (problem.length_unit / problem.time_unit) ** 2
         lowered = problem.cap * per_x < lowest**2 * (1.0 - _LOWERED)
         jump = 2 * np.flatnonzero((problem.h == 0.0) & lowered[1::2])

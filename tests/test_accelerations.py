@@ -3,7 +3,9 @@
 from pathlib import Path
 
 import numpy as np
+import program_blocks
 import pytest
+from program_blocks import program
 from scipy.integrate import quad
 from strategies import random_nurbs
 
@@ -13,6 +15,7 @@ from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
 from planner.limits import Limits
 from planner.programs.path import program_path
+from planner.solvers import accelerations
 
 INF = np.inf
 PROGRAMS = Path(__file__).parent / "data" / "programs"
@@ -175,6 +178,37 @@ def test_what_one_percent_saves_is_what_a_plan_with_it_saves(seed):
         more = limits.acceleration.copy()
         more[j] *= 1.01
         gain = profile.duration - plan_feedrate(curve, limits._replace(acceleration=more)).duration
-        assert saved[f"acceleration {axis}"] == pytest.approx(gain, abs=1e-4 * profile.duration)
+        assert saved.get(f"acceleration {axis}", 0.0) == pytest.approx(gain, abs=1e-4 * profile.duration)
     gain = profile.duration - plan_feedrate(curve, limits.with_feed(1.01 * limits.feed)).duration
-    assert saved["feed"] == pytest.approx(gain, abs=1e-4 * profile.duration)
+    assert saved.get("feed", 0.0) == pytest.approx(gain, abs=1e-4 * profile.duration)
+
+
+def test_a_programmed_feed_is_told_from_that_of_the_machine():
+    """F1200 binds on one leg and the machine's 100 mm/s on the other, where F is higher: each saves its own part."""
+    moves = [program_blocks.line(50, 0, feed=20.0), program_blocks.line(50, 50, feed=150.0)]
+    path = program_path(program(*moves), 0.01, limits_of())
+    limits = limits_of()
+    profile = plan_feedrate(path.curve, limits, intervals=500)
+    saved = profile.stats["saved_by_one_percent"]
+    more = plan_feedrate(path.curve, limits.with_feed(101.0), intervals=500)
+    assert profile.duration - more.duration == pytest.approx(saved["feed"], rel=0.05)
+    faster = program_path(program(*(move | {"feed": 1.01 * move["feed"]} for move in moves)), 0.01, limits_of())
+    again = plan_feedrate(faster.curve, limits, intervals=500)
+    assert profile.duration - again.duration == pytest.approx(saved["programmed feed"], rel=0.05)
+    assert saved["programmed feed"] > 5.0 * saved["feed"]
+    assert not {"velocity X", "chord error"} & set(saved)
+
+
+def test_slowing_down_without_jerk_is_said(monkeypatch):
+    monkeypatch.setattr(accelerations, "_MAX_ROUNDS", 1)
+    monkeypatch.setattr(accelerations, "_MAX_HALVINGS", 0)
+    curve = load_curve("butterfly", scale=10.0)
+    profile = plan_feedrate(curve, limits_of(), intervals=40)
+    assert profile.stats["slowdown"] > 1.001
+    assert profile.stats["status"].startswith("slowed down by")
+    assert any("slowed down as a whole" in note for note in profile.stats["notes"])
+
+
+def test_toppra_says_nothing_of_a_slowing_down_that_was_none():
+    notes = plan_feedrate(line(40.0), limits_of(), method="toppra").stats["notes"]
+    assert not [note for note in notes if "slowed down by -" in note or "slowed down by 0 %" in note]

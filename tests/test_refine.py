@@ -289,7 +289,7 @@ def test_a_grid_is_too_coarse_where_tightening_does_not_help(
 def test_a_slowing_down_is_said(slowdown: float, said: bool) -> None:
     for before, after in (("optimal", "slowed down by 0.21 %"), ("budget", "budget")):
         stats: dict[str, Any] = {"status": before, "notes": []}
-        refine._say_slowing_down(round_of(slowdown=slowdown), stats)
+        refine.say_slowing_down(slowdown, 0.25, stats)
         assert stats["status"] == (after if said else before)
         assert len(stats["notes"]) == said
         assert all("slowed down as a whole by 0.21 %" in note for note in stats["notes"])

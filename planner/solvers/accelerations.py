@@ -28,7 +28,7 @@ from planner.errors import InfeasibleError, SolverError
 from planner.geometry.curve import FloatArray
 from planner.grid import Grid, Scan, place_knots, scan, with_blends
 from planner.law import TimeNodes, Utilisation, utilisation
-from planner.limits import Limits
+from planner.limits import COMMANDS, Limits, command_kind
 from planner.sections import Section
 
 _PARTS = 4  # of an interval, at whose ends the limits are asked for
@@ -47,6 +47,7 @@ _SEAM = 1e-10  # of x: a closed path may end by so much below its start
 # Digits of place and time may make this share of an acceleration limit at nodes close to one another.
 _ROUNDING_SHARE = 1e-6
 _PERCENT = 0.01
+_ROUNDED = 1e-12  # of the time
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +55,8 @@ class _Stage:
     """A grid of one section with its rows and caps at the points of all intervals.
 
     ``y``, ``u`` (n + 1,) at the knots, ``rate (2, n, 2)`` the first two derivatives of u by y at both ends of each
-    interval; ``rows (m, 2, n, p)``, ``speeds (l, n, p)`` the largest x by each speed limit; ``margin (2, n)`` by which
+    interval; ``rows (m, 2, n, p)``, ``speeds (l, n, p)`` the largest x by each speed limit, ``command (n, p)`` what the
+    first of these is (0 the feed of the limits, 1 a programmed one, 2 that of rapids); ``margin (2, n)`` by which
     speeds and accelerations are tightened; ``ends`` the x prescribed at the ends, nan where free (periodic).
     """
 
@@ -64,6 +66,7 @@ class _Stage:
     offset: FloatArray
     rows: FloatArray
     speeds: FloatArray
+    command: NDArray[np.int8]
     margin: FloatArray
     ends: tuple[float, float]
     lean: FloatArray
@@ -93,6 +96,7 @@ class _Stage:
             np.ascontiguousarray(offset),
             np.ascontiguousarray(rows.reshape(*rows.shape[:2], *at.shape)),
             speeds.reshape(-1, *at.shape),
+            command_kind(section.curve, limits, inner.reshape(-1), left.reshape(-1)).reshape(at.shape),
             _reserved(section, u),
             (ends[0], ends[1]),
             np.zeros(h.size),
@@ -118,15 +122,10 @@ class _Stage:
                 break
         return best, x
 
-    def solve(self, relaxed: FloatArray | None = None) -> FloatArray:
-        """Largest x at the knots, or empty where none joins the ends.
-
-        ``relaxed``: factors by which to multiply the limits, first those of the speeds' x, then those of the rows.
-        """
-        count = len(self.speeds)
-        factor = np.ones(count + len(self.rows)) if relaxed is None else relaxed
-        cap = (self.speeds * factor[:count, None, None]).min(axis=0) / self.margin[0][:, None] ** 2
-        rows = np.ascontiguousarray(self.rows * self.margin[1][:, None] / factor[count:, None, None, None])
+    def solve(self) -> FloatArray:
+        """Largest x at the knots, or empty where none joins the ends."""
+        cap = self.speeds.min(axis=0) / self.margin[0][:, None] ** 2
+        rows = np.ascontiguousarray(self.rows * self.margin[1][:, None])
         for value, at in ((self.ends[0], (0, 0)), (self.ends[1], (-1, -1))):
             if not np.isnan(value):
                 cap[at] = max(cap[at], value)
@@ -204,7 +203,7 @@ def _reserved(section: Section, u: FloatArray) -> FloatArray:
     return margin
 
 
-def plan_section(section: Section, limits: Limits, intervals: int) -> tuple[TimeNodes, float, dict[str, Any]]:
+def plan_section(section: Section, limits: Limits, intervals: int) -> tuple[TimeNodes, float, float, dict[str, Any]]:
     """Plan one section with speed and acceleration limits only.
 
     Parameters
@@ -220,6 +219,8 @@ def plan_section(section: Section, limits: Limits, intervals: int) -> tuple[Time
     nodes : TimeNodes
     unmet : float
         By how much the law still has to be slowed down to keep its limits everywhere, >= 1.
+    place : float
+        The curve parameter at which it has to be slowed down most.
     stats : dict
 
     Raises
@@ -248,17 +249,17 @@ def plan_section(section: Section, limits: Limits, intervals: int) -> tuple[Time
         halvings += 1
         if gain < _WORTH_HALVING:
             break
-    stage, x, unmet, rounds = best
+    stage, x, unmet, place, rounds = best
     stats = {"status": "optimal", "intervals": stage.y.size - 1, "iterations": rounds, "rounds": rounds}
     stats |= {"slowdown": unmet, "saved_by_one_percent": _saved(stage, limits, section.curve.axes, x)}
-    return stage.nodes(x), unmet, stats
+    return stage.nodes(x), unmet, place, stats
 
 
-_Found = tuple[_Stage, FloatArray, float, int]
+_Found = tuple[_Stage, FloatArray, float, float, int]
 
 
 def _duration(found: _Found) -> float:
-    stage, x, unmet, _ = found
+    stage, x, unmet, *_ = found
     return float(stage.time(x).sum()) * unmet
 
 
@@ -313,7 +314,7 @@ def _refined(
         slowdown = np.maximum(used.speed, np.sqrt(used.acceleration))[::2]
         unmet = max(1.0, float(slowdown.max()))
         stepping = stage.stepping(x)
-        found = (stage, x, unmet, round_)
+        found = (stage, x, unmet, float(stage.u[int(slowdown.argmax())]), round_)
         if best is None or _duration(found) < _duration(best):
             best = found
         if unmet <= (_MET_PRESCRIBED if section.has_prescribed_feed else _MET) and not stepping.any():
@@ -343,20 +344,32 @@ def _halved(section: Section, stage: _Stage, where: NDArray[np.bool_]) -> tuple[
 
 def _saved(stage: _Stage, limits: Limits, axes: tuple[str, ...], x: FloatArray) -> dict[str, float]:
     """Seconds that one percent more of each limit saves: solved again with it."""
-    names = ["feed", "chord error", *(f"velocity {axis}" for axis in axes)]
-    power = [2.0, 1.0, *(2.0 for _ in axes)]
-    accelerations = [*zip(axes, limits.acceleration, strict=True)]
-    names += [f"acceleration {axis}" for axis, value in accelerations if np.isfinite(value)]
-    names += ["tangential acceleration"] if np.isfinite(limits.tangential_acceleration) else []
-    power += [1.0] * (len(names) - len(power))
     time = float(stage.time(x).sum())
+    relaxed: dict[str, _Stage] = {}
+    names = ["", "chord error", *(f"velocity {axis}" for axis in axes)]
+    for row, name in enumerate(names):
+        # x grows with the square of a speed, and with the chord error itself
+        more = 1.0 + _PERCENT * (1.0 if name == "chord error" else 2.0)
+        parts = {name: np.ones_like(stage.command, dtype=np.bool_)} if name else {}
+        parts |= {kind: stage.command == k for k, kind in enumerate(COMMANDS)} if not name else {}
+        for part, where in parts.items():
+            speeds = stage.speeds.copy()
+            speeds[row] *= np.where(where, more, 1.0)
+            relaxed[part] = replace(stage, speeds=speeds)
+    limited = [
+        f"acceleration {axis}" for axis, most in zip(axes, limits.acceleration, strict=True) if np.isfinite(most)
+    ]
+    limited += ["tangential acceleration"] * bool(np.isfinite(limits.tangential_acceleration))
+    for row, name in enumerate(limited):
+        rows = stage.rows.copy()
+        rows[row] /= 1.0 + _PERCENT
+        relaxed[name] = replace(stage, rows=rows)
     saved = {}
-    for i, name in enumerate(names):
-        factor = np.ones(len(names))
-        factor[i] += power[i] * _PERCENT
-        again = stage.solve(factor)
-        if again.size:
-            saved[name] = max(0.0, time - float(stage.time(again).sum()))
+    for name, more_of_it in relaxed.items():
+        again = more_of_it.solve()
+        gain = time - float(stage.time(again).sum()) if again.size else 0.0
+        if gain > _ROUNDED * time:
+            saved[name] = gain
     return saved
 
 
