@@ -103,46 +103,42 @@ class SpeedLaw:
         slope = (self.c[i + 1] - self.c[i]) / h
         return self.x[i] + w * (2.0 * self.a[i] + w * (self.c[i] + w * slope / 3.0))
 
-    def _midpoint_rounding(self) -> FloatArray:
-        """By how much the midpoints of the intervals are off, being rounded."""
-        before, after = self.sigma[:-1], self.sigma[1:]
-        middle = 0.5 * (before + after)
-        return 0.5 * ((middle - before) - (after - middle))
-
     def nodes(self, path: Parameter) -> TimeNodes:
         """Nodes at knots and midpoints; ``path`` holds the same points."""
         h = np.diff(self.sigma)
-        mid_x = self.x[:-1] + h * self.a[:-1] + h**2 * (5.0 * self.c[:-1] + self.c[1:]) / 24.0
-        mid_a = self.a[:-1] + h * (3.0 * self.c[:-1] + self.c[1:]) / 8.0
-        x, a = np.empty(path.u.shape[1]), np.empty(path.u.shape[1])
-        x[0::2], x[1::2], a[0::2], a[1::2] = self.x, mid_x, self.a, mid_a
+        # A midpoint is where it rounds to: far from the origin and next to a stop that is not the middle.
+        first = 0.5 * (self.sigma[:-1] + self.sigma[1:]) - self.sigma[:-1]
+        halves = np.stack([first, h - first], axis=1)
+        slope = np.diff(self.c) / np.where(h > 0.0, h, 1.0)
+        x, a, c = np.empty((3, path.u.shape[1]))
+        x[0::2], a[0::2], c[0::2] = self.x, self.a, self.c
+        x[1::2] = self.x[:-1] + first * (2.0 * self.a[:-1] + first * (self.c[:-1] + first * slope / 3.0))
+        a[1::2] = self.a[:-1] + first * (self.c[:-1] + 0.5 * first * slope)
+        c[1::2] = self.c[:-1] + first * slope
         dt = np.empty(2 * h.size)
         gauss, weights = np.polynomial.legendre.leggauss(_GAUSS_POINTS)
         for half in (0, 1):
-            w = h[:, None] * (0.25 * (gauss + 1.0) + 0.5 * half)
-            cubic = (self.c[1:] - self.c[:-1]) / np.where(h > 0.0, h, 1.0) / 3.0
-            inner = self.x[:-1, None] + w * (2.0 * self.a[:-1, None] + w * (self.c[:-1, None] + w * cubic[:, None]))
+            w = half * first[:, None] + halves[:, [half]] * (0.5 * (gauss + 1.0))
+            inner = self.x[:-1, None] + w * (
+                2.0 * self.a[:-1, None] + w * (self.c[:-1, None] + w * slope[:, None] / 3.0)
+            )
             # A cubic may dip below 0 between collocation points of a coarse grid; it is slow there, not undefined, and the
             # excess that the quintic shows makes the grid finer.
             np.maximum(inner, _DEEPEST_DIP * np.minimum(self.x[:-1], self.x[1:])[:, None], out=inner)
-            dt[half::2] = 0.25 * h * np.einsum("ij,j->i", 1.0 / np.sqrt(inner), weights)
+            dt[half::2] = 0.5 * halves[:, half] * np.einsum("ij,j->i", 1.0 / np.sqrt(inner), weights)
         u, u1, u2, u3 = path.u
         rate, acceleration = u1 * np.sqrt(x), u2 * x + u1 * a
         # Where rounding moved u, the node is the moment at which the law has the rounded u.
         off = np.flatnonzero((path.rounding != 0.0) & (rate > 0.0))
-        c = np.empty(x.size)
-        c[0::2], c[1::2] = self.c, 0.5 * (self.c[:-1] + self.c[1:])
-        later, moved = np.zeros(x.size), np.zeros(x.size)
-        moved[1::2] = u1[1::2] * self._midpoint_rounding()
-        moved = np.where(path.rounding != 0.0, path.rounding + moved, 0.0)
-        later[off] = moved[off] / rate[off]
-        rate[off] += later[off] * acceleration[off]
-        jerk = u3[off] * x[off] + 3.0 * u2[off] * a[off] + u1[off] * c[off]
-        acceleration[off] += later[off] * jerk * np.sqrt(x[off])
+        later, moved = np.zeros(x.size), path.rounding
+        third = (u3[off] * x[off] + 3.0 * u2[off] * a[off] + u1[off] * c[off]) * np.sqrt(x[off])
+        later[off] = _until(moved[off], rate[off], acceleration[off])
+        rate[off] += later[off] * (acceleration[off] + 0.5 * later[off] * third)
+        acceleration[off] += later[off] * third
         # u is exact at the ends of stretches and taken as it is next to a stop; elsewhere its digits are those of a solve.
         exact = moved != 0.0
         exact[0::2] |= np.append(h == 0.0, True) | np.append(True, h == 0.0)
-        advance, u = _in_step(u, _advance(np.repeat(0.5 * h, 2), path.u) + np.diff(moved), exact)
+        advance, u = _in_step(u, _advance(halves.reshape(-1), path.u) + np.diff(moved), exact)
         dt += np.diff(later)
         keep = np.append(True, np.repeat(h, 2) > 0.0)
         keep[2::2] = True  # the midpoint of an empty interval is no node of its own
@@ -151,6 +147,12 @@ class SpeedLaw:
         nodes = TimeNodes(t, u[keep], rate[keep], acceleration[keep], np.stack([dt, advance])[:, inner])
         nodes._keep_forward_at_stops()
         return nodes
+
+
+def _until(distance: FloatArray, rate: FloatArray, acceleration: FloatArray) -> FloatArray:
+    """Time in which u goes on by a distance of some digits; to second order, since these may be much next to a stop."""
+    square = rate**2 + 2.0 * acceleration * distance
+    return np.where(square > 0.0, 2.0 * distance / (rate + np.sqrt(np.maximum(square, 0.0))), distance / rate)
 
 
 def _advance(h: FloatArray, u: FloatArray) -> FloatArray:

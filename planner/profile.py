@@ -19,8 +19,8 @@ from planner.errors import InputError
 from planner.geometry.curve import MAX_DERIVATIVE, Curve, FloatArray, curvature, dot
 from planner.limits import Limits, chord_feed_limit, commanded_feed
 
-# A limit holds the path back where it is used up to within one percent.
-BINDING_SHARE = 0.99
+# A limit holds the path back where it is used up to within half a percent.
+BINDING_SHARE = 0.995
 _WORTH_KEEPING = 1.0001  # of slowing down: less changes no name of a limit
 
 

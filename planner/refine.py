@@ -49,7 +49,7 @@ _LEAST_GUESS = 1e-6
 _ACCEPTED_SLOWDOWN = 1.000002
 # Beyond the first the grid is too coarse somewhere, and is halved wherever it is beyond the last; below, tightening the
 # limits locally is enough.  Where the number of intervals is given, only what is beyond the second is refined.
-_TOO_COARSE, _HOPELESS, _COARSE = 1.004, 1.05, 1.0003
+_TOO_COARSE, _HOPELESS, _COARSE = 1.0005, 1.05, 1.0001
 # Where no limit binds for more than this share of the time, the grid is too coarse.
 _UNBOUND = 0.03
 # A slowing down by more than this is said, and so much is not accepted while the grid may still be refined.

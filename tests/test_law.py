@@ -11,7 +11,7 @@ from scipy.integrate import quad
 from scipy.interpolate import CubicSpline
 from strategies import random_nurbs
 
-from planner.constraints import build
+from planner.constraints import Parameter, build
 from planner.geometry.catalog import load_curve
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
@@ -167,16 +167,19 @@ def test_nodes_of_a_law_are_held_forward_at_stops(monkeypatch):
     assert held == [nodes]
 
 
-def test_midpoints_know_what_they_are_rounded_by():
+def test_midpoints_are_where_they_round_to():
+    """x = 1 and u = sigma: a node at the rounded middle is as much later than the knot before it as it is further on."""
     rng = np.random.default_rng(2)
     sigma = np.sort(np.concatenate([10.0 ** rng.uniform(-12.0, 0.0, 200), 1.0 + rng.uniform(0.0, 1e-9, 200)]))
-    law = SpeedLaw(sigma, *np.ones((3, sigma.size)))
-    middle = 0.5 * (sigma[:-1] + sigma[1:])
-    off = [
-        float(Fraction(m) - (Fraction(a) + Fraction(b)) / 2) for m, a, b in zip(middle, sigma, sigma[1:], strict=False)
-    ]
-    assert law._midpoint_rounding().tolist() == off
-    assert np.count_nonzero(off) > 50
+    ones, none = np.ones(sigma.size), np.zeros(sigma.size)
+    points = np.empty(2 * sigma.size - 1)
+    points[0::2], points[1::2] = sigma, 0.5 * (sigma[:-1] + sigma[1:])
+    along = np.stack([points, np.ones(points.size), np.zeros(points.size), np.zeros(points.size)])
+    nodes = SpeedLaw(sigma, ones, none, none).nodes(Parameter(along, np.zeros(points.size)))
+    exact = [float(Fraction(b) - Fraction(a)) for a, b in pairwise(points)]
+    assert nodes.steps[0] == pytest.approx(exact, rel=1e-15)
+    uneven = [2.0 * exact[k] / (exact[k] + exact[k + 1]) - 1.0 for k in range(0, len(exact), 2)]
+    assert np.count_nonzero(np.abs(uneven) > 1e-14) > 50
 
 
 @pytest.mark.parametrize("shift", [0.0, 1e3])

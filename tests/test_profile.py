@@ -53,10 +53,10 @@ CASES = {
 
 @pytest.mark.parametrize("slowed", [None, 1.1])
 @pytest.mark.parametrize("name", CASES)
-def test_what_is_used_up_to_one_percent_binds_slowed_down_or_not(name: str, slowed: float | None) -> None:
+def test_what_is_used_up_to_half_a_percent_binds_slowed_down_or_not(name: str, slowed: float | None) -> None:
     nodes = law_of(1.0, 1.0, 1.0)
     everywhere = "jerk" in name
-    for share, binds in ((0.9895, False), (0.9905, True)):
+    for share, binds in ((0.9945, False), (0.9955, True)):
         changes = {key: np.asarray(value) / share for key, value in CASES[name].items()}
         found = named(LINE, limits_with(**changes), nodes, slowed)
         assert found[-1] == (name if binds else "none")
@@ -71,14 +71,14 @@ def test_the_chord_error_binds_slowed_down_or_not(slowed: float | None) -> None:
     u[0], u[-1] = circle.domain
     speed = np.sqrt(np.sum(circle.derivatives(u, 1)[1] ** 2, axis=-1))
     nodes = TimeNodes(t, u, 80.0 / speed, np.zeros(41))
-    for share, binds in ((0.985, False), (0.995, True)):
+    for share, binds in ((0.994, False), (0.996, True)):
         half = 0.5 * 80.0 / share * 1e-3
         limits = limits_with(chord_error=50.0 - np.sqrt(50.0**2 - half**2))
         assert set(named(circle, limits, nodes, slowed)) == {"chord error" if binds else "none"}
 
 
 def test_of_several_limits_the_one_used_most_is_named() -> None:
-    limits = limits_with(feed=100.0 / 0.992, velocity=[80.0 / 0.994, 60.0 / 0.993], tangential_jerk=100.0 / 0.991)
+    limits = limits_with(feed=100.0 / 0.997, velocity=[80.0 / 0.999, 60.0 / 0.998], tangential_jerk=100.0 / 0.996)
     found = named(LINE, limits, law_of(1.0, 1.0, 1.0))
     assert found == [*["tangential jerk"] * 20, "velocity X"]
 

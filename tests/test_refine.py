@@ -267,13 +267,13 @@ def test_what_is_accepted() -> None:
 @pytest.mark.parametrize(
     ("slowdown", "number", "free", "coarse"),
     [
-        (1.003, 0, True, False),
-        (1.005, 0, True, True),
-        (1.005, 0, False, False),
+        (1.0004, 0, True, False),
+        (1.0006, 0, True, True),
+        (1.0006, 0, False, False),
         (1.04, 4, False, False),
         (1.06, 0, False, True),
         (1.0005, 5, False, False),
-        (1.0011, 4, True, False),
+        (1.0004, 4, True, False),
         (1.0011, 5, True, True),
         (1.0011, 5, False, True),
     ],

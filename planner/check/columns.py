@@ -22,7 +22,7 @@ from planner.geometry.curve import Curve, FloatArray
 from planner.limits import Limits
 from planner.profile import FeedrateProfile
 
-BINDING_SHARE = 0.99  # of a limit; above this it holds the path back
+BINDING_SHARE = 0.995  # of a limit; above this it holds the path back
 BINDING_TOLERANCE = 1e-3  # of a limit
 # What rounding on another machine may do to the columns: to arc length against that of the curve, to feed against the
 # largest, to acceleration and jerk against the terms of which they are the sum.
