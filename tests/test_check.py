@@ -571,6 +571,25 @@ def test_one_bad_sample_is_found_where_it_is(ellipse, ellipse_samples, used_up):
     assert row.worst == pytest.approx(3.0 * error / 1e-9, rel=0.3)
 
 
+def far_samples(off, along=0.0):
+    """A line of 1e7 mm over u = -67.000001 .. -67, one sample moved across and along it; a digit is 0.14 mm."""
+    curve = NurbsCurve([[0.0, 0.0], [8e6, 6e6]], [-67.000001, -67.000001, -67.0, -67.0], 1)
+    u = np.linspace(*curve.domain, 101)
+    position = curve.derivatives(u, 0)[0]
+    position[50] += off * np.array([-0.6, 0.8]) + along * np.array([0.8, 0.6])
+    return curve, Samples(1e-3, 1e-3 * np.arange(101), u, position)
+
+
+@pytest.mark.parametrize(
+    ("off", "along", "holds"), [(0.0, 0.05, True), (0.0, -0.1, True), (0.0, 0.3, False), (0.05, 0.0, False)]
+)
+def test_a_position_between_two_doubles_of_u_is_on_the_path(off, along, holds):
+    curve, samples = far_samples(off, along)
+    inf = [np.inf, np.inf]
+    report = check(curve, Limits(np.inf, inf, inf, inf), samples)
+    assert all(report.row("path error", axis).ok for axis in "XY") is holds
+
+
 def test_a_velocity_step_is_a_violation(ellipse, ellipse_plan):
     k, share = 200, 1e-6
     t, u, rate, second = nodes_of(ellipse_plan)

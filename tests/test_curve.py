@@ -197,6 +197,14 @@ class TestBreaks:
         joint = continuity_at(load_curve("circle"), 0.4)
         assert (joint.parametric, joint.geometric, joint.angle) == (3, 3, 0.0)
 
+    def test_a_rotary_axis_that_turns_back_beside_a_long_way_is_a_corner(self):
+        """1e10 mm of X while A goes to 5 rad and back: its kink is 1e-9 of the tangent, and all that A ever does."""
+        points = [[0.0, 0.0], [5e9, 5.0], [1e10, 0.0]]
+        curve = NurbsCurve(points, [0.0, 0.0, 0.5, 1.0, 1.0], 1, axes=("X", "A"))
+        assert [b.geometric for b in curve.breaks] == [0]
+        straight = NurbsCurve([[0.0, 0.0], [5e9, 5.0], [1e10, 10.0]], curve.knots, 1, axes=("X", "A"))
+        assert straight.breaks == ()
+
 
 def tripled_point(u):
     """Cubic with a tripled control point at a simple interior knot, which stops the curve there."""

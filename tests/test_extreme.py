@@ -39,7 +39,7 @@ def of_file(seed):
     return outcome(lambda: load_curve(DATA / f"seed{seed}.json"), limits)
 
 
-@pytest.mark.parametrize("seed", [12, 20, 60, 107])
+@pytest.mark.parametrize("seed", [12, 20, 53, 60, 107])
 def test_a_curve_that_once_broke_a_limit_is_planned(seed):
     assert of_file(seed) == "planned"
 
@@ -67,7 +67,9 @@ def test_nothing_but_a_plan_or_a_refusal_comes_out(first):
         assert re.match(r"planned|breaks|\w+Error: ", outcome(case.curve, case.limits)), seed
 
 
-@pytest.mark.parametrize("seed", [2000, 2001, 2003, 2004, 2005, 2010, 2015, 2017, 2018, 2019, 2020, 2021, 2022])
+@pytest.mark.parametrize(
+    "seed", [2000, 2001, 2002, 2003, 2004, 2005, 2010, 2015, 2017, 2018, 2019, 2020, 2021, 2022, 2047, 2088]
+)
 def test_extreme_curves_are_planned(seed):
     case = extreme_case(seed)
     assert outcome(case.curve, case.limits) == "planned"

@@ -60,7 +60,7 @@ def check_samples(curve: Curve, limits: Limits, samples: Samples, density: int, 
             place = _middle(samples, k - before + 0.5 * n)
             rows.add(name, sizes[k, j], getattr(limits, name)[j], place, slack=slack, j=j)
     s = _signed_length(curve, u)
-    s_rounding = LENGTH_ACCURACY * curve.length + tip_rounding
+    s_rounding = LENGTH_ACCURACY * curve.length + _length_rounding(curve, u)
     moving, before = _held(samples, s)
     for n, name in ((2, "tangential acceleration"), (3, "tangential jerk")):
         size = np.abs(np.diff(moving, n)) / period**n
@@ -73,6 +73,29 @@ def check_samples(curve: Curve, limits: Limits, samples: Samples, density: int, 
     change = np.diff(feeds) / period if feeds.size > 1 else np.zeros(1)
     ends = (feeds[0], feeds[-1], change[0], change[-1])
     return Report(tuple(rows.rows + table), *(float(value) for value in ends))
+
+
+def _length_rounding(curve: Curve, u: FloatArray) -> float:
+    """What half of the last digit of u, and the rounding of the length itself, are worth of arc length, mm."""
+    s, speed = curve.arclength.s(u), norm(curve.tip.derivatives(u, 1)[1])
+    return EPS * float((s + 0.5 * speed * np.abs(u)).max(initial=0.0))
+
+
+def _off_path(curve: Curve, u: FloatArray, apart: FloatArray) -> FloatArray:
+    """Part of ``apart (m, dim)``, from C(u) to a position, that no digit of u accounts for.
+
+    Where |C'| is large and u far from 0, as for a path of 1e7 mm within u = -67.09 .. -67.08, there are positions on the
+    path between any two doubles.  A digit moves the point along the path, on a break either way, and never off it.
+    """
+    digit, off, least = EPS * np.abs(u), apart, dot(apart, apart)
+    for side in ("right", "left"):
+        slope = curve.derivatives(u, 1, side=side)[1]
+        square = dot(slope, slope)
+        nearest = np.divide(dot(apart, slope), square, out=np.zeros_like(u), where=square > 0.0)
+        left = apart - slope * np.clip(nearest, -digit, digit)[:, None]
+        nearer = dot(left, left) < least
+        off, least = np.where(nearer[:, None], left, off), np.where(nearer, dot(left, left), least)
+    return off
 
 
 def _highest_caps(caps: FeedCaps, u: FloatArray) -> FloatArray:
@@ -151,8 +174,9 @@ def _check_sequence(curve: Curve, samples: Samples, rows: Rows) -> bool:
     at = int(back.argmax())
     rows.add("reversal", back[at] / period, 0.0, (t[at], u[at]))
     u0, u1 = curve.domain
-    on_curve = curve.derivatives(np.clip(u, u0, u1), 0)[0]
-    apart = np.abs(position - on_curve)
+    inside = np.clip(u, u0, u1)
+    on_curve = curve.derivatives(inside, 0)[0]
+    apart = np.abs(_off_path(curve, inside, position - on_curve))
     ranges = np.array([np.ptp(on_curve[:, j]) for j in range(curve.dim)])
     for j, size in enumerate(group_sizes(curve, ranges)):
         k = int(apart[:, j].argmax())
