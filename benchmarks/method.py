@@ -27,7 +27,7 @@ from planner import load_curve, load_limits, plan_feedrate
 from planner.bounds import certify, section_bound
 from planner.constraints import Constraints, build
 from planner.dual.method import best_multipliers
-from planner.dual.problem import best_splines, problem_of
+from planner.dual.problem import Pace, best_splines, problem_of
 from planner.dual.terms import Track
 from planner.geometry.curve import Curve, FloatArray
 from planner.grid import place_knots, scan, with_blends
@@ -380,9 +380,10 @@ def relax(of: Case, intervals: int = INTERVALS) -> Relaxed:
     """Solve for the multipliers of the lower bound, and keep the primal state they belong to."""
     track = Track.on(of.section, of.limits, place_knots(of.section, of.task.guess, intervals))
     margin = np.ones(track.h.size)
-    problem, _ = problem_of(track, of.task.guess, margin, periodic=False)
-    state = best_multipliers(problem)
-    bound, _ = best_splines(track, of.task.guess, periodic=False)
+    pace = Pace(of.task.guess.u, of.task.guess.time)
+    problem, (_, tau) = problem_of(track, pace, margin, periodic=False)
+    state = best_multipliers(problem, pace.duration / tau)
+    bound, _ = best_splines(track, pace, periodic=False)
     return Relaxed(state.points[:, 1], state.points[:, 0], bound)
 
 
@@ -410,7 +411,7 @@ def bound_row(name: str) -> BoundRow:
     return BoundRow(
         name,
         profile.duration,
-        section_bound(of.section, of.limits, INTERVALS),
+        section_bound(of.section, of.limits, INTERVALS, Pace(profile.u, profile.t)),
         float(certify(of.curve, of.limits, profile)),
         1.0 - found.bound / profile.duration,
         float((found.pace * np.sqrt(found.x) > 1.001).mean()),

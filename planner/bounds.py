@@ -13,7 +13,7 @@ import numpy as np
 
 from planner.certificate import Certificate, CertificateSection
 from planner.check import check
-from planner.dual.problem import best_splines
+from planner.dual.problem import ROUNDS, Pace, best_splines
 from planner.dual.terms import Multiplied, Track
 from planner.dual.value import Splines
 from planner.errors import InputError, SolverError
@@ -24,6 +24,7 @@ from planner.profile import FeedrateProfile
 from planner.sections import Section, sections_between
 
 INTERVALS = 1000
+_PER_NODE, _FEW = 1.2, 4  # default intervals a node of the plan, and for how many limits so many are cheap
 _MIN_INTERVALS, _MAX_INTERVALS = 40, 20_000_000
 _QUICK, _COARSER = 250, 8  # the bound that every plan carries: least intervals, or an eighth of the plan's
 # By how much a plan that passes its check may be faster than the bound: it may exceed its limits by half of that.
@@ -67,8 +68,8 @@ def certify(curve: Curve, limits: Limits, profile: FeedrateProfile, *, intervals
     profile : FeedrateProfile
         Says where plans stop and with which feeds they begin and end; the same plan read back from a table says the same.
     intervals : int, optional
-        Of the multipliers' knots, shared out among the sections between stops; about as many as the plan has, and 1000
-        at least, if left out.
+        Of the multipliers' knots, shared out among the sections between stops; if left out 6/5 of those of the plan, fewer
+        where more than two axes make them dear, and 1000 at least.
 
     Returns
     -------
@@ -84,7 +85,7 @@ def certify(curve: Curve, limits: Limits, profile: FeedrateProfile, *, intervals
     """
     limits.require_matches(curve)
     if intervals is None:
-        intervals = max(INTERVALS, profile.t.size // 2)
+        intervals = _default_intervals(Multiplied.of(limits, curve), profile)
     if not _MIN_INTERVALS <= intervals <= _MAX_INTERVALS:
         raise InputError(f"intervals = {intervals!r} must lie within [{_MIN_INTERVALS}, {_MAX_INTERVALS}]")
     periodic = _is_periodic(curve, profile)
@@ -93,7 +94,10 @@ def certify(curve: Curve, limits: Limits, profile: FeedrateProfile, *, intervals
     sections = sections_between(curve, limits, stops, *feeds, periodic=periodic)
     lengths = np.diff([0.0, *np.interp([s.u_end for s in sections], profile.u, profile.t)])
     shares = np.maximum(_MIN_INTERVALS, np.rint(intervals * lengths / profile.duration)).astype(int)
-    found = [_certified(section, limits, int(n), periodic) for section, n in zip(sections, shares, strict=True)]
+    found = [
+        _certified(section, limits, int(n), Pace(profile.u, profile.t).within(section), periodic=periodic)
+        for section, n in zip(sections, shares, strict=True)
+    ]
     total = float(sum(bound for bound, _ in found))
     of = Multiplied.of(limits, curve)
     certificate = Certificate(
@@ -113,23 +117,29 @@ def certify(curve: Curve, limits: Limits, profile: FeedrateProfile, *, intervals
     return bound
 
 
-def section_bound(section: Section, limits: Limits, intervals: int, *, periodic: bool = False) -> float:
+def _default_intervals(of: Multiplied, profile: FeedrateProfile) -> int:
+    """As many as cost about two plans: the time for each grows with the number of limits that have a multiplier."""
+    share = _FEW / max(_FEW, of.jerk.size + of.acceleration.size)
+    return max(INTERVALS, int(_PER_NODE * share * profile.t.size))
+
+
+def section_bound(section: Section, limits: Limits, intervals: int, pace: Pace, *, periodic: bool = False) -> float:
     """Bound the time of a section from below by few knots: as rigorous as :func:`certify`, 1e-4 to a few % less tight.
 
-    ``intervals`` are those of the plan.
+    ``intervals`` and ``pace`` are those of the plan.
     """
-    return _certified(section, limits, max(_QUICK, intervals // _COARSER), periodic, rounds=1)[0]
+    return _certified(section, limits, max(_QUICK, intervals // _COARSER), pace, periodic=periodic, rounds=1)[0]
 
 
 def _certified(
-    section: Section, limits: Limits, intervals: int, periodic: bool, **options: int
+    section: Section, limits: Limits, intervals: int, pace: Pace, *, periodic: bool, rounds: int = ROUNDS
 ) -> tuple[float, Splines]:
     """Bound of a section, and the multipliers that prove it."""
     guess = scan(section, limits, intervals)
     has_jerk = np.isfinite(limits.jerk).any() or np.isfinite(limits.tangential_jerk)
     section = with_blends(section, guess) if has_jerk else replace(section, blend_start=0.0, blend_end=0.0)
     track = Track.on(section, limits, place_knots(section, guess, intervals))
-    return best_splines(track, guess, periodic=periodic, **options)
+    return best_splines(track, pace, periodic=periodic, rounds=rounds)
 
 
 def _stops(profile: FeedrateProfile) -> dict[float, float]:

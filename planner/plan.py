@@ -15,6 +15,7 @@ import numpy as np
 
 from planner.bounds import section_bound
 from planner.chords import slowed_for_chords
+from planner.dual.problem import Pace
 from planner.errors import InfeasibleError, InputError, SolverError
 from planner.geometry.curve import Curve, FloatArray, arc_derivatives
 from planner.guard import require_law
@@ -240,7 +241,8 @@ def _plan_section(
                 stats["slowdown"] = slowdown
                 percent = 100.0 * (slowdown - 1.0)
                 stats["notes"] = [f"slowed down by {percent:.2g} % for what toppra exceeds between its points"]
-        return SectionPlan(nodes, section_bound(section, limits.without_jerk(), effort.intervals), stats)
+        bound = section_bound(section, limits.without_jerk(), effort.intervals, Pace(nodes.u, nodes.t))
+        return SectionPlan(nodes, bound, stats)
     return plan_and_refine(
         section,
         limits,
@@ -263,7 +265,8 @@ def _plan_without_jerk(section: Section, limits: Limits, effort: Effort, periodi
         nodes = nodes.dilated(unmet * (1.0 + PEAK_MARGIN) if unmet > 1.0 else 1.0)
     elif unmet > ALMOST_MET:
         raise SolverError(not_met(section, unmet))
-    return SectionPlan(nodes, section_bound(section, limits, effort.intervals, periodic=periodic), stats)
+    bound = section_bound(section, limits, effort.intervals, Pace(nodes.u, nodes.t), periodic=periodic)
+    return SectionPlan(nodes, bound, stats)
 
 
 def _hold_chords(curve: Curve, limits: Limits, sections: list[Section], plans: list[SectionPlan]) -> list[SectionPlan]:

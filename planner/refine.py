@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from planner.bounds import section_bound
 from planner.constraints import Constraints, Parameter, build
+from planner.dual.problem import Pace
 from planner.errors import InfeasibleError, SolverError
 from planner.geometry.curve import FloatArray
 from planner.grid import Grid, Scan, place_knots, resolvable, scan, split, with_blends
@@ -303,7 +304,8 @@ def plan_section(
     _require_met(task, best)
     stats = {**best.stats, "notes": notes, "solve_cpu_s": spent, "first_solve_cpu_s": first}
     say_slowing_down(best.slowdown, best.place, stats)
-    return SectionPlan(best.nodes, section_bound(section, limits, wanted, periodic=periodic), stats)
+    bound = section_bound(section, limits, wanted, Pace(best.nodes.u, best.nodes.t), periodic=periodic)
+    return SectionPlan(best.nodes, bound, stats)
 
 
 @dataclass(frozen=True, eq=False)

@@ -727,11 +727,15 @@ def test_a_corner_reached_with_acceleration_fails(corner):
     t = np.array([0.0, half, half, 2 * half])
     s, v = np.array([0.0, 25.0, 25.0, 50.0]), np.array([0.0, a * half, a * half, 0.0])
     nodes = two_legs((t, s, v, np.array([a, a, -a, -a])))
-    # Without a jerk limit a stop may be left at full acceleration; one of 1e9 mm/s^3 the sampled steps of this plan keep.
+    # Without a jerk limit a stop may be left at full acceleration.  A jerk limit of 1e9 mm/s^3 the samples of this plan
+    # keep, but no jerk is large enough for its steps: at the stop, and where either leg turns from speeding up to braking.
     limits = unlimited(acceleration=[1000.0] * 2, jerk=[1e9] * 2)
     assert check(corner, limits._replace(jerk=[np.inf] * 2), profile_on(corner, unlimited(), nodes)).ok
     report = check(corner, limits, profile_on(corner, unlimited(), nodes))
-    assert failing(report) == {("acceleration at an exact stop", "")}
+    smooth = "acceleration step on a smooth path"
+    assert failing(report) == {("acceleration at an exact stop", ""), (smooth, "X"), (smooth, "Y")}
+    assert report.row(smooth, "X").worst == pytest.approx(2.0 * a)
+    assert report.row(smooth, "X").t == pytest.approx(half)
     row = report.row("acceleration at an exact stop")
     assert row.worst == pytest.approx(a)
     assert row.t == pytest.approx(2 * half)

@@ -14,7 +14,13 @@ from planner.limits import Limits
 from planner.plan import plan_feedrate
 
 INF = np.inf
-JERKS = {"jerk", "jerk at a curvature break", "acceleration step", "tangential jerk"}
+JERKS = {
+    "jerk",
+    "jerk at a curvature break",
+    "acceleration step",
+    "acceleration step on a smooth path",
+    "tangential jerk",
+}
 
 
 def limits_of(feed=100.0, velocity=250.0, acceleration=1000.0, jerk=20000.0, dim=2, **more):

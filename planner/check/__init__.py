@@ -10,8 +10,9 @@ wherever u(t) crosses a knot of the curve, so that everything is smooth within a
    rule, at ``density`` points, both ends included and each end taken from inside the span.
 2. The spans with the highest peaks (a parabola through the top three points) are searched on ever finer points, so
    that the worst value does not depend on the grid.
-3. Where two spans meet, the values on either side are compared: a step of the velocity is a violation; a step D of the
-   acceleration is what a drive sees as a jerk of 0.75 D / T, once it is sampled with the period T.
+3. Where two spans meet, the values on either side are compared: a step of the velocity is a violation; so is, of an axis
+   with a jerk limit, one of the acceleration, but at a jump of the curvature.  There a step D is what a drive sees as a
+   jerk of 0.75 D / T, once it is sampled with the period T.
 4. The chord error is the true distance between the path and the chord of one period, for every phase of the sampling.
 
 *Samples* are measured as a drive sees them: by differences over the period, held constant before the first and after

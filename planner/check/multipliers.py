@@ -63,9 +63,10 @@ class Multipliers:
         before, after = np.append(0.0, step)[some], np.append(step, 0.0)[some + 1]
         first, middle, last = (section.jerk[:, some + i] for i in range(3))
         jerk = np.zeros((k, 3, some.size))
-        jerk[jerk_rows, 0] = (h * first + before * middle) / (before + h)
+        # Exact at the ends, where an end of a closed path is compared with the other one.
+        jerk[jerk_rows, 0] = np.where(before > 0.0, (h * first + before * middle) / (before + h), first)
         jerk[jerk_rows, 1] = middle
-        jerk[jerk_rows, 2] = (after * middle + h * last) / (h + after)
+        jerk[jerk_rows, 2] = np.where(after > 0.0, (after * middle + h * last) / (h + after), last)
         acceleration = np.zeros((k, 2, some.size))
         acceleration[acceleration_rows, 0] = section.acceleration[:, some]
         acceleration[acceleration_rows, 1] = section.acceleration[:, some + 1]

@@ -6,11 +6,12 @@ import numpy as np
 
 from planner.check.motion import Motion
 from planner.check.peaks import CANDIDATES, chunks, peaks, zoom
+from planner.check.places import Places
 from planner.check.quantities import axis_rows
 from planner.check.report import Rows
 from planner.check.scan import Scan
 from planner.check.sizes import VELOCITY_STEP, group_sizes
-from planner.geometry.curve import FloatArray
+from planner.geometry.curve import Curve, FloatArray
 from planner.limits import Limits
 
 # Steps of the acceleration below this fraction of the largest value are rounding, like those of the velocity.
@@ -48,6 +49,7 @@ def check_steps(motion: Motion, scan: Scan, limits: Limits, rows: Rows, density:
     if found.size == 0:
         return
     t, u, steps = t[found], u[found], steps[1, found]
+    _check_smooth_steps(motion.curve, limits, rows, (t, u), np.abs(steps), _ACCELERATION_STEP * acceleration)
     near = _jerk_near(motion, scan, t, _STEP_REACH * period, density)
     phases = np.linspace(-1.5, 1.5, 13)
     height, at = np.empty((t.size, dim)), np.empty((t.size, dim))
@@ -66,6 +68,28 @@ def check_steps(motion: Motion, scan: Scan, limits: Limits, rows: Rows, density:
         total = rise(x[:, None])[:, 0] + near[best, j]
         k = int(total.argmax())
         rows.add("jerk at a curvature break", total[k], limits.jerk[j], (t[best[k]], u[best[k]]), j=j)
+
+
+def _check_smooth_steps(
+    curve: Curve,
+    limits: Limits,
+    rows: Rows,
+    places: tuple[FloatArray, FloatArray],
+    sizes: FloatArray,
+    slack: FloatArray,
+) -> None:
+    """Steps of the acceleration (n, dim) where the curvature has none: no jerk is large enough for them.
+
+    Samples do not tell a small one from a jerk, but a plan says what happens between the samples.
+    """
+    of_curve = Places.of(curve)
+    smooth = np.flatnonzero(~(of_curve.on(of_curve.corners, places[1]) | of_curve.on(of_curve.jumps, places[1])))
+    linear = np.array(curve.axis_units) == "mm"
+    limited = np.isfinite(limits.jerk) | (np.isfinite(limits.tangential_jerk) & linear)
+    for j in np.flatnonzero(limited) if smooth.size else ():
+        k = smooth[sizes[smooth, j].argmax()]
+        place = float(places[0][k]), float(places[1][k])
+        rows.add("acceleration step on a smooth path", sizes[k, j], 0.0, place, slack=slack[j], j=int(j))
 
 
 def _sampled_steps(at: FloatArray, t: FloatArray, steps: FloatArray, period: float) -> FloatArray:

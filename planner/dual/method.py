@@ -25,6 +25,7 @@ dz_0 the step of (e, u, x) at theta = 0.  S is banded; its Cholesky factor costs
 
 from __future__ import annotations
 
+from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
 
@@ -34,9 +35,12 @@ from numpy.typing import NDArray
 from planner.geometry.curve import FloatArray
 
 _TOLERANCE = 3e-6
-_MAX_ITERATIONS = 80
-_INSIDE, _ROOM, _CENTRING = 0.6, 1.05, 0.1  # of the start: x against the guess, y against x^(-1/2), products against y
-_HOPE = 2.0  # weight of the hoped-for gain in the centring
+_SHARE_OF_LEFT = 0.02
+_STALLED, _PATIENCE, _CLOSE = 0.7, 4, 1e-3  # close to the end, a gap that falls no faster than this in so many steps
+_MAX_ITERATIONS = 50
+_INSIDE, _ROOM, _CENTRING = 0.8, 1.2, 0.3  # of the start: x against the plan's, y against x^(-1/2), products against y
+_WAYPOINT = 0.03  # relative gap, where another solve with slightly larger margins may begin
+_HOPE, _MOST_HOPE = 2.0, 0.3  # weight of the hoped-for gain in the centring, and the largest centring it asks for
 _LARGEST_FALL = 0.9
 
 
@@ -51,7 +55,7 @@ class Problem:
     axes : (int, int)
         Number of jerk and of acceleration limits.
     weight, cap, guess : (p,) arrays
-        Quadrature weights, largest x, and a guess of x.
+        Quadrature weights, largest x, and about the x of a plan.
     quadratic (p, 3), linear (p, 2), rows (p, local) : arrays
         Values of the B-splines, and the row of g.
     atom_rows (n - 1, local), atom_caps (n - 1,) : arrays
@@ -84,7 +88,7 @@ class Problem:
 
 
 class State:
-    """Where the method is: everything at the points, the atoms, theta."""
+    """Where the method is: everything at the points, the atoms, theta; and a copy of where it came through."""
 
     def __init__(self, problem: Problem) -> None:
         jerks, accelerations = problem.axes
@@ -107,6 +111,7 @@ class State:
         if problem.seam_row is not None:
             self.seam[1:] = mean / self.seam[0]
         self.theta = np.zeros(problem.known.size)
+        self.waypoint: State | None = None
         self.time = float(np.sum(problem.weight * y))
         constraints = 2 + 2 * (jerks + accelerations)
         single = 2.0 * (float(np.sum(problem.first < 0)) + (problem.seam_row is not None))
@@ -158,11 +163,23 @@ def _structure(problem: Problem) -> tuple[Any, Any, Any]:
     )
 
 
-def best_multipliers(problem: Problem, *, tolerance: float = _TOLERANCE) -> State:
-    """Find the best multipliers ``theta``, to a relative gap; any are valid, so it stops where it cannot go on."""
-    state, work = State(problem), _Work(problem)
+def best_multipliers(problem: Problem, planned: float, start: State | None = None) -> State:
+    """Find the best multipliers ``theta``; any are valid, so it stops where it cannot go on.
+
+    Best to a small relative gap, or to a small share of what is left to the time of a plan (``planned``, in the problem's
+    units): where the bound cannot come close to the plan, its last digits say nothing.  ``start`` is a waypoint of the same
+    problem but for its margins.
+    """
+    state, work = start or State(problem), _Work(problem)
+    gaps = [np.inf] * _PATIENCE
     for _ in range(_MAX_ITERATIONS):
-        if not _iterate(problem, state, work) or state.gap < tolerance * state.time:
+        if not _iterate(problem, state, work):
+            break
+        gaps.append(state.gap)
+        if state.waypoint is None and state.gap < _WAYPOINT * state.time:
+            state.waypoint = deepcopy(state)
+        stalled = state.gap > _STALLED * gaps[-1 - _PATIENCE] and state.gap < _CLOSE * state.time
+        if stalled or state.gap < max(_TOLERANCE * state.time, _SHARE_OF_LEFT * (planned - state.time)):
             break
     return state
 
@@ -192,7 +209,7 @@ def _iterate(problem: Problem, state: State, work: _Work) -> bool:
     _direction(problem, state, work, newton, 0.0, 0.0)
     primal, dual = _length(work.out[0], 1.0), _length(work.out[1], 1.0)
     gap = state.gap + dual * work.out[3] + primal * work.out[4] + primal * dual * work.out[5]
-    centring = min(max((gap / state.gap) ** 3, -_HOPE * work.out[6] / state.gap, 1e-4), 1.0)
+    centring = min(max((gap / state.gap) ** 3, min(-_HOPE * work.out[6] / state.gap, _MOST_HOPE), 1e-4), 1.0)
     target, corrector = centring * state.gap / state.count, primal * dual
     theta = _direction(problem, state, work, newton, target, corrector)
     fraction = min(max(1.0 - state.gap / state.time, 0.9), 0.995)

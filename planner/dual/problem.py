@@ -6,23 +6,56 @@ one place is dear; so where it does, l counts for more in the next round (its *m
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from planner.dual.method import Problem, best_multipliers
 from planner.dual.terms import RULE_NODES, RULE_WEIGHTS, IntArray, Multiplied, Points, Track, jump_cap
 from planner.dual.value import Splines, normalised, seam_price, value
 from planner.geometry.curve import FloatArray
-from planner.grid import Scan
+from planner.sections import Section
 
-_ROUNDS = 3
+ROUNDS = 3
 _LOAD_MET, _LOAD_TOUCHED, _MARGIN = 1.0005, 1.0002, 1.0005
+_LOAD_PER_GAP = 2.0
 _LEAST_CAP = 1e-12  # of a place, where x is about 1
-_GOOD = 0.5  # of the guessed duration: caps alone prove less
-_LARGEST_RANGE = 1e12  # of caps against the guess: beyond that a cap says nothing to the method
+_GOOD = 0.5  # of the time of the plan: caps alone prove less
+_LARGEST_RANGE = 1e12  # of caps against the plan: beyond that a cap says nothing to the method
 
 
-def best_splines(track: Track, guess: Scan, *, periodic: bool, rounds: int = _ROUNDS) -> tuple[float, Splines]:
+@dataclass(frozen=True, eq=False)
+class Pace:
+    """When a plan is where on a section: curve parameters ``u`` (k,), increasing, and times ``t`` (k,), s."""
+
+    u: FloatArray
+    t: FloatArray
+
+    @property
+    def duration(self) -> float:
+        """Time of the section, s."""
+        return float(self.t[-1] - self.t[0])
+
+    def within(self, section: Section) -> Pace:
+        """The part of it that runs along a section."""
+        inside = (self.u > section.u_start) & (self.u < section.u_end)
+        ends = np.array([section.u_start, section.u_end])
+        t = np.interp(ends, self.u, self.t)
+        return Pace(np.insert(ends, 1, self.u[inside]), np.insert(t, 1, self.t[inside]))
+
+
+def best_splines(track: Track, pace: Pace, *, periodic: bool, rounds: int = ROUNDS) -> tuple[float, Splines]:
     """Find good multipliers of a section, and the bound that they prove.
+
+    Parameters
+    ----------
+    track : Track
+    pace : Pace
+        Of a plan: where the method begins, and no work is spent on less than a small share of what the bound lies below
+        its time.
+    periodic : bool
+    rounds : int
+        Largest number of solves.
 
     Returns
     -------
@@ -34,21 +67,21 @@ def best_splines(track: Track, guess: Scan, *, periodic: bool, rounds: int = _RO
     of = Multiplied.of(track.limits, track.section.curve)
     if of.jerk.size + of.acceleration.size == 0:  # only speeds are limited, and the caps say all
         return _valued(_none(track), periodic)
-    margin = np.ones(track.sigma.size - 1)
-    best: tuple[float, Splines] | None = None
-    for _ in range(rounds):
-        problem, units = problem_of(track, guess, margin, periodic=periodic)
-        splines, load = normalised(_splines(track, best_multipliers(problem).theta, units))
-        found = _valued(splines, periodic)
-        if best is None or found[0] > best[0]:
-            best = found
-        if load.max() <= _LOAD_MET:
+    margin, start = np.ones(track.sigma.size - 1), None
+    for left in range(rounds - 1, -1, -1):
+        problem, (length, tau) = problem_of(track, pace, margin, periodic=periodic)
+        state = best_multipliers(problem, pace.duration / tau, start)
+        splines, load = normalised(_splines(track, state.theta, (length, tau), periodic))
+        # Scaling costs less than the excess it removes.
+        if left == 0 or load.max() <= max(_LOAD_MET, 1.0 + _LOAD_PER_GAP * (1.0 - state.time * tau / pace.duration)):
             break
         margin = np.where(load > _LOAD_TOUCHED, margin * load * _MARGIN, margin)
-    if best is not None and best[0] > _GOOD * guess.duration:
+        start = state.waypoint
+    best = _valued(splines, periodic)
+    if best[0] > _GOOD * pace.duration:
         return best
     plain = _valued(_none(track), periodic)  # an evaluation more, which hardly ever pays
-    return plain if best is None or not best[0] >= plain[0] else best
+    return best if best[0] >= plain[0] else plain
 
 
 def _valued(splines: Splines, periodic: bool) -> tuple[float, Splines]:
@@ -62,21 +95,23 @@ def _none(track: Track) -> Splines:
     return Splines(track, of, np.zeros((of.jerk.size, knots + 1)), np.zeros((of.acceleration.size, knots)))
 
 
-def _splines(track: Track, theta: FloatArray, units: tuple[float, float]) -> Splines:
-    """Multipliers in the path's own units from the control values of the method."""
+def _splines(track: Track, theta: FloatArray, units: tuple[float, float], periodic: bool) -> Splines:
+    """Multipliers in the path's own units from the control values of the method; where a path closes they meet exactly."""
     of = Multiplied.of(track.limits, track.section.curve)
     table = theta.reshape(-1, of.jerk.size + of.acceleration.size).T
     length, tau = units
     jerk = np.ascontiguousarray(table[: of.jerk.size])
+    if periodic:
+        jerk[:, -1] = jerk[:, 0]
     return Splines(track, of, jerk, np.ascontiguousarray(table[of.jerk.size :, :-1]) * (tau / length))
 
 
-def problem_of(track: Track, guess: Scan, margin: FloatArray, *, periodic: bool) -> tuple[Problem, tuple[float, float]]:
+def problem_of(track: Track, pace: Pace, margin: FloatArray, *, periodic: bool) -> tuple[Problem, tuple[float, float]]:
     """Arrays of the method, and its units of length (of sigma) and time (s): a cell has about the length and time 1."""
     of = Multiplied.of(track.limits, track.section.curve)
     jerks, width = of.jerk.size, of.jerk.size + of.acceleration.size
     full, h = track.full, track.h
-    length, tau = float(track.sigma[-1]) / full.size, guess.duration / full.size
+    length, tau = float(track.sigma[-1]) / full.size, pace.duration / full.size
     per_x = (length / tau) ** 2
     nodes = RULE_NODES.size
     k, r = np.repeat(full, nodes), np.tile(RULE_NODES, full.size)
@@ -93,7 +128,7 @@ def problem_of(track: Track, guess: Scan, margin: FloatArray, *, periodic: bool)
         rows[:, a * width : a * width + jerks] = 0.5 * (basis[2, a] * first_j - basis[1, a] * second_j).T
     for a, sign in ((0, -1.0), (1, 1.0)):
         rows[:, a * width + jerks : (a + 1) * width] = 0.5 * (linear[a] * second_a - sign * slope * first_a).T
-    x = _guess(track, guess, k, r) / per_x
+    x = _squared_rate(track, pace, k, r) / per_x
     cap = np.minimum(at.cap / per_x, _LARGEST_RANGE * x)
     count = (track.sigma.size + 1) * width
     first = np.full(h.size, -1, dtype=np.int64)
@@ -138,11 +173,11 @@ def _quadratics(h: FloatArray, k: IntArray, r: FloatArray) -> FloatArray:
     return np.stack([low * b0, (1.0 - low) * b0 + b1 + (1.0 - high) * b2, high * b2], axis=1)
 
 
-def _guess(track: Track, guess: Scan, k: IntArray, r: FloatArray) -> FloatArray:
-    """Guess of x at points, by the mean of sigma_dot over each cell: finite at rest."""
-    full, time = track.full, guess.time
-    dt = np.diff(np.interp(track.section.position(track.sigma.copy()), guess.y, time))[full]
-    rate = track.h[full] / np.maximum(dt, 1e-9 * time[-1] / full.size)
+def _squared_rate(track: Track, pace: Pace, k: IntArray, r: FloatArray) -> FloatArray:
+    """About the x of a plan at points, by the mean of sigma_dot over each cell: finite at rest."""
+    full = track.full
+    dt = np.diff(np.interp(track.u[0], pace.u, pace.t))[full]
+    rate = track.h[full] / np.maximum(dt, 1e-9 * pace.duration / full.size)
     centre = 0.5 * (track.sigma[full] + track.sigma[full + 1])
     return np.asarray(np.interp(track.sigma[k] + r * track.h[k], centre, rate) ** 2)
 

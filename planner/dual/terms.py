@@ -38,6 +38,7 @@ _DIGITS = 32.0  # of u, that say nothing of a way between two knots
 STEP_SEEN = 0.75  # of a unit step of the acceleration in the jerk of samples times their period
 _LEAST_SHARE = 0.05  # of the motions of all axes, weighted
 _WAY_MARGIN = 1.01  # ways are sums of largest values at samples
+_NEAR = 4.0  # times the other caps of x, at samples: what the ways from the ends say is no limit
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +111,8 @@ class Track:
         Largest |dq/du| of each motion in each cell.
     ramps : (2, K, n - 1) bool array
         Cells up to which a motion that rests at an end has kept its direction.
+    near : (2, n - 1) bool array
+        Cells in which the way from an end may limit the speed; elsewhere it is not looked at.
     """
 
     section: Section
@@ -119,6 +122,7 @@ class Track:
     way: FloatArray
     rise: FloatArray
     ramps: NDArray[np.bool_]
+    near: NDArray[np.bool_]
 
     @classmethod
     def on(cls, section: Section, limits: Limits, grid: Grid) -> Track:
@@ -137,8 +141,9 @@ class Track:
             np.zeros((2, motions, cells + 1)),
             np.zeros((motions, cells)),
             np.zeros((2, motions, cells), dtype=bool),
+            np.ones((2, cells), dtype=bool),
         )
-        return bare._with_ways()
+        return bare._with_ways()._with_near()
 
     @property
     def h(self) -> FloatArray:
@@ -189,8 +194,10 @@ class Track:
             v0 = self.known_speed(end)
             if v0 is None:
                 continue
-            way = _WAY_MARGIN * (self.way[end][:, k + end] + self.rise[:, k] * gone_or_left)
-            cap = np.minimum(cap, self._reached(first, way, v0, self.ramps[end][:, k]))
+            some = np.flatnonzero(self.near[end, k] | ~np.isfinite(cap))
+            cells = k[some]
+            way = _WAY_MARGIN * (self.way[end][:, cells + end] + self.rise[:, cells] * gone_or_left[some])
+            cap[some] = np.minimum(cap[some], self._reached(first[:, some], way, v0, self.ramps[end][:, cells]))
         return Points(first * u1, second * u1**2 + first * u2, cap / u1**2)
 
     def known_speed(self, end: int) -> FloatArray | None:
@@ -261,6 +268,21 @@ class Track:
         ramps[0] = forward & before & (self.section.start_feed is None)
         ramps[1] = backward & after & (self.section.end_feed is None)
         return replace(self, way=way, rise=rise, ramps=ramps)
+
+    def _with_near(self) -> Track:
+        """Tell where the ways from the ends limit the speed, or nearly so: a cap left out is no error, only weaker."""
+        full, nodes = self.full, RULE_NODES
+        k, r = np.repeat(full, nodes.size), np.tile(nodes, full.size)
+        gone, left, _, _ = self.coordinate(k, r)
+        first, _, cap = self._along(k, r, gone)
+        near = np.zeros_like(self.near)
+        for end, gone_or_left in ((0, gone), (1, left)):
+            v0 = self.known_speed(end)
+            if v0 is not None:
+                way = self.way[end][:, k + end] + self.rise[:, k] * gone_or_left
+                reached = self._reached(first, way, v0, self.ramps[end][:, k])
+                near[end, full] = (reached < _NEAR * cap).reshape(-1, nodes.size).any(axis=1)
+        return replace(self, near=near)
 
 
 def largest_steps(limits: Limits) -> FloatArray:
