@@ -115,6 +115,15 @@ class Limits:
                 f"({', '.join(curve.axes)}); give one limit for each axis of the curve"
             )
 
+    def same_as(self, other: Limits) -> bool:
+        """Whether every limit, the period and the axes are the same."""
+        rows = ("velocity", "acceleration", "jerk")
+        return (
+            self.axes == other.axes
+            and all(getattr(self, name) == getattr(other, name) for name in _SCALARS)
+            and all(np.array_equal(getattr(self, name), getattr(other, name)) for name in rows)
+        )
+
     def with_feed(self, feed: float) -> Limits:
         """Return the same limits with another commanded feedrate, mm/s."""
         return self._replace(feed=feed)

@@ -321,3 +321,20 @@ def test_a_tip_that_turns_back_has_no_bound_from_its_arc_length():
     )
     with pytest.raises(InputError, match="turns back near u = "):
         verify_bound(curve, limits, claimed)
+
+
+def test_a_certificate_for_other_limits_says_so():
+    """Multipliers for a slow machine prove no time at all on one whose axes have ten thousand times its jerk."""
+    profile = plan_feedrate(LINE, LIMITS, intervals=100)
+    bound = certify(LINE, LIMITS, profile)
+    fast = Limits(1e4, [1e4] * 2, [1e6] * 2, [2e12] * 2)
+    report = verify_plan_bound(LINE, fast, bound.certificate, profile)
+    assert report.proved <= 0.0
+    assert report.statement.startswith("nothing for these limits")
+    assert report.refusal.startswith("the certificate proves nothing for these limits, not the 1.1499")
+    assert report.refusal.endswith("the plan was made for other limits than these: give those")
+    same = verify_plan_bound(LINE, Limits(**vars(LIMITS)), bound.certificate, profile)
+    assert same.ok
+    assert not same.other_limits
+    assert not Limits(**{**vars(LIMITS), "jerk": [2e4, 2.1e4]}).same_as(LIMITS)
+    assert not LIMITS.with_feed(99.0).same_as(LIMITS)

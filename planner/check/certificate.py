@@ -74,6 +74,8 @@ class BoundReport:
         Who claims it: "it" the certificate, or the table.
     duration : float
         Of the plan at hand, s; inf where there is none.
+    other_limits : bool
+        The plan was made for other limits than those that the bound was verified for.
     """
 
     proved: float
@@ -84,6 +86,7 @@ class BoundReport:
     statement: str
     claimant: str = "it"
     duration: float = np.inf
+    other_limits: bool = False
 
     @property
     def ok(self) -> bool:
@@ -94,9 +97,9 @@ class BoundReport:
     def refusal(self) -> str:
         """What is wrong with the claim; empty where nothing is."""
         if not self.claimed <= self.proved + _CLAIM_ROUNDING * abs(self.proved):
-            return (
-                f"the certificate proves {self.proved:.9g} s, not the {self.claimed:.9g} s that {self.claimant} claims"
-            )
+            found = f"{self.proved:.9g} s" if self.proved > 0.0 else "nothing for these limits"
+            hint = "; the plan was made for other limits than these: give those" if self.other_limits else ""
+            return f"the certificate proves {found}, not the {self.claimed:.9g} s that {self.claimant} claims{hint}"
         if self.proved > self.duration * (1.0 + _PLAN_TOLERANCE):
             return (
                 f"the certificate proves {self.proved:.9g} s, but the plan takes {self.duration:.9g} s: if it passes its "
@@ -176,6 +179,7 @@ def verify_plan_bound(curve: Curve, limits: Limits, certificate: Certificate, pl
         claimed=float(plan.lower_bound) if by_table else report.claimed,
         claimant="the table" if by_table else "it",
         duration=plan.duration,
+        other_limits=plan.limits is not None and not plan.limits.same_as(limits),
     )
 
 
@@ -322,6 +326,8 @@ def _statement(
         ends = f"from {start} to {end}"
         if np.isfinite(first.start_acceleration):
             ends += f", beginning with {first.start_acceleration:.6g} mm/s^2"
+    if not proved > 0.0:
+        return f"nothing for these limits about plans of {curve.name} {ends}"
     parts = [f"no plan of {curve.name} {ends} that keeps these limits takes less than {proved:.9g} s"]
     if stops:
         shown = ", ".join(f"{u:.6g}" for u in stops[:8]) + (", ..." if len(stops) > 8 else "")

@@ -48,7 +48,7 @@ _SLIGHTLY: FloatArray = np.array([1.0, 0.9995, 0.999, 0.998, 0.995, 0.99, 0.98, 
 _LOWER, _LOWER_LITTLE, _LOWEST = 0.85, 0.98, 1e-6
 _MARGIN = 1e-3  # kept from every limit where the path is curved, for what lies between grid points
 _ROUND_OFF, _TOLERANCE, _TINY = 1e-12, 1e-9, 1e-300
-_HELD = 1e-7  # above a limit: rounding, where a straight line uses all of its jerk; slower would not be less
+_HELD = 5e-7  # above a limit, half of what a check grants: rounding, where a straight line uses all of its jerk
 _POINTS, _APART, _NEWTON_STEPS = 5, 4, 4  # a phase is tried at so many points evenly, and at one in so many of the grid
 _CHUNK = 20_000  # blocks traced at once; bounds the memory
 # Directions of the search.  Of a block: the logarithms of its top feed, accelerations up and down, and jerk.  Of a node:
