@@ -732,7 +732,7 @@ def test_a_corner_reached_with_acceleration_fails(corner):
     limits = unlimited(acceleration=[1000.0] * 2, jerk=[1e9] * 2)
     assert check(corner, limits._replace(jerk=[np.inf] * 2), profile_on(corner, unlimited(), nodes)).ok
     report = check(corner, limits, profile_on(corner, unlimited(), nodes))
-    smooth = "acceleration step on a smooth path"
+    smooth = "step on a smooth path"
     assert failing(report) == {("acceleration at an exact stop", ""), (smooth, "X"), (smooth, "Y")}
     assert report.row(smooth, "X").worst == pytest.approx(2.0 * a)
     assert report.row(smooth, "X").t == pytest.approx(half)

@@ -18,7 +18,7 @@ JERKS = {
     "jerk",
     "jerk at a curvature break",
     "acceleration step",
-    "acceleration step on a smooth path",
+    "step on a smooth path",
     "tangential jerk",
 }
 

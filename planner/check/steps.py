@@ -89,7 +89,7 @@ def _check_smooth_steps(
     for j in np.flatnonzero(limited) if smooth.size else ():
         k = smooth[sizes[smooth, j].argmax()]
         place = float(places[0][k]), float(places[1][k])
-        rows.add("acceleration step on a smooth path", sizes[k, j], 0.0, place, slack=slack[j], j=int(j))
+        rows.add("step on a smooth path", sizes[k, j], 0.0, place, slack=slack[j], j=int(j))
 
 
 def _sampled_steps(at: FloatArray, t: FloatArray, steps: FloatArray, period: float) -> FloatArray:
