@@ -169,19 +169,24 @@ def _advance(h: FloatArray, u: FloatArray) -> FloatArray:
 
 
 def _in_step(u: FloatArray, advance: FloatArray, exact: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
-    """Make u (p,) and its steps (p - 1,) agree to half a digit of u; returns the steps and u.
+    """Make u (p,) and its steps (p - 1,) agree to a digit of u; returns the steps and u.
 
-    The steps are summed up from one exact point to the next, and what is left over there is spread over them.
+    The steps are summed up from one exact point to the next.  What is left over there beyond half a digit is spread over
+    them; half a digit is not, since over two nodes a microsecond apart it would be a jerk beyond any limit.
     """
+    from planner.kernels import follow
+
     total = np.cumsum(np.concatenate([u[:1], advance]))
     # What each addition rounded off, exactly (Knuth's TwoSum); together with it the sums are good to half a digit.
     added = np.diff(total)
     lost = np.concatenate([[0.0], np.cumsum((total[:-1] - (total[1:] - added)) + (advance - added))])
     at = np.flatnonzero(exact)
-    left_over = np.interp(np.arange(u.size), at, (u[at] - total[at]) - lost[at])
-    out = total + (lost + left_over)
+    left_over = np.empty(at.size)
+    follow((u[at] - total[at]) - lost[at], 0.5 * np.finfo(float).eps * np.abs(u[at]), left_over)
+    spread = np.interp(np.arange(u.size), at, left_over)
+    out = total + (lost + spread)
     out[at] = u[at]
-    return advance + np.diff(left_over), out
+    return advance + np.diff(spread), out
 
 
 @dataclass(frozen=True, eq=False)

@@ -416,6 +416,35 @@ def test_steps_of_close_nodes_are_those_of_the_law_and_not_of_its_digits(offset)
     assert nodes[[0, -1]].tolist() == u[0, [0, -1]].tolist()
 
 
+def test_half_a_digit_is_not_put_into_a_stretch_of_a_microsecond():
+    """Beside the stop of a rest map, or at the ends of a short stretch, every point is known; its steps need no mending."""
+    digit = np.spacing(43.6)
+    t = np.concatenate([np.arange(11) * 1e-4, 1e-3 + np.arange(1, 5) * 2e-7, 1.0008e-3 + np.arange(1, 11) * 1e-4])
+    exact = 16.0 * t
+    u = 43.59 + exact
+    known = np.zeros(t.size, dtype=bool)
+    known[[0, 10, 12, 14, -1]] = True
+    u[[10, 12, 14]] += np.array([0.4, -0.4, 0.4]) * digit
+    u = np.round(u / digit) * digit
+    steps = np.diff(exact)
+    advance, nodes = _in_step(u, steps, known)
+    assert np.array_equal(nodes[known], u[known])
+    assert np.abs(advance - steps).max() <= 1e-20  # 60 of it over h^3 is the jerk that it makes
+    assert np.abs(np.diff(nodes) - advance).max() <= 1.5 * digit
+
+
+def test_what_is_left_over_beyond_half_a_digit_is_spread():
+    t = np.linspace(0.0, 1.0, 101)
+    u = 1.0 + t
+    u[-1] += 1e-13
+    known = np.zeros(t.size, dtype=bool)
+    known[[0, -1]] = True
+    advance, nodes = _in_step(u, np.diff(t), known)
+    assert advance.sum() == pytest.approx(1.0 + 1e-13, abs=3e-16)
+    assert np.ptp(advance - np.diff(t)) <= 2e-17
+    assert nodes[-1] == u[-1]
+
+
 def test_every_interval_of_a_long_law_has_its_peak_estimated():
     """Only few intervals are looked at closely; the others rely on the parabola through three points."""
     curve = CURVES["formula"]()

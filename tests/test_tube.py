@@ -5,7 +5,7 @@ import pytest
 from scipy.interpolate import BSpline
 from scipy.optimize import minimize
 
-from planner.programs.knots import place, spacing_at
+from planner.programs.knots import onto, place, spacing_at
 from planner.programs.noise import noise_amplitude
 from planner.programs.stretch import reachable
 from planner.programs.tube import DEGREE, Tube, basis_powers, full_knots, greville, samples_of, smoothest
@@ -168,3 +168,17 @@ def test_noise_of_a_rounded_circle_is_estimated(amplitude):
     assert noise_amplitude(noisy, everywhere) == pytest.approx(amplitude, rel=0.25)
     assert noise_amplitude(points, everywhere) < 1e-7
     assert noise_amplitude(points[:10], everywhere[:10]) == 0.0
+
+
+def test_knots_beside_marks_move_onto_them():
+    knots = np.array([0.0, 1.0, 2.0, 2.5, 4.0, 5.0])
+    marks = np.array([0.01, 0.95, 1.5, 2.04, 2.06, 2.499, 4.2, 4.999])
+    assert onto(knots, marks).tolist() == [0.0, 0.95, 2.04, 2.499, 4.0, 5.0]
+    for seed in range(200):
+        rng = np.random.default_rng(seed)
+        knots = random_knots(seed, 12)
+        marks = np.sort(rng.uniform(knots[0], knots[-1], int(rng.integers(0, 30))))
+        moved = onto(knots, marks)
+        assert (np.diff(moved) >= 0.8 * np.diff(knots)).all()
+        assert moved[[0, -1]].tolist() == knots[[0, -1]].tolist()
+        assert np.isin(moved, np.concatenate([knots, marks])).all()

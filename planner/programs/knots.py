@@ -23,6 +23,7 @@ _PER_ANGLE, _PER_JUMP, _TURNING = 1.5, 6.0, 0.4
 _WIDEST = 3.0  # mm
 _GROWTH = 0.5
 _FEWEST = 8
+_NEAR = 0.1  # of the spacing
 _MOST_PARTS = 64
 _PARTS_PER_SPACING = 4.0
 
@@ -78,6 +79,23 @@ def place(start: float, end: float, at: FloatArray, spacing: FloatArray, pinned:
     knots = np.interp(at_corner[index] + np.diff(at_corner)[index] * within, count, fine)
     knots[np.cumsum(pieces) - pieces] = corners[:-1]
     return np.append(knots, end)
+
+
+def onto(knots: FloatArray, marks: FloatArray) -> FloatArray:
+    """Move the inner knots that nearly lie on a mark onto it.
+
+    A plan has nodes at both, and between two that are passed within a microsecond rounding is worth more than any jerk.
+    """
+    out = knots.copy()
+    room = _NEAR * np.diff(knots)
+    k = np.searchsorted(0.5 * (knots[1:] + knots[:-1]), marks)
+    inner = (k > 0) & (k < knots.size - 1)
+    k, marks = k[inner], marks[inner]
+    away = np.abs(marks - knots[k])
+    near = np.flatnonzero(away < np.minimum(room[k - 1], room[k]))
+    closest = near[np.argsort(-away[near], kind="stable")]  # of several marks beside a knot the closest comes last
+    out[k[closest]] = marks[closest]
+    return out
 
 
 def _graded(gap: FloatArray, spacing: FloatArray, parts: NDArray[np.intp], index: NDArray[np.intp]) -> FloatArray:

@@ -143,6 +143,7 @@ def fit(stretch: Stretch, programmed: Programmed, limits: Limits, feed: FloatArr
         Feed cap of every block, mm/s.
     """
     plan = knotting.place(stretch.start, stretch.end, stretch.at, stretch.spacing, stretch.sharp)
+    plan = knotting.onto(plan, programmed.edges[1:-1][feed[1:] != feed[:-1]])
     if plan.size <= WINDOW + 2 * OVERLAP:
         return _fit_window(stretch, plan, programmed, limits, feed)
     parts: list[Fitted] = []
