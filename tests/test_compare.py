@@ -167,7 +167,14 @@ class TestDilation:
         assert found.confirmed
         profile = results["toppra"].motion.profile
         slowed = _slowed_plan(profile, found.factor)
-        assert check(curve, limits.with_period(found.factor * limits.period), slowed).ok
+        report = check(curve, limits.with_period(found.factor * limits.period), slowed)
+        # A step of the acceleration stays one, however slow: only what a drive sees of it falls.
+        assert {row.limit for row in report.violations} == {"step on a smooth path"}
+        assert next(row for row in report.rows if row.limit == "acceleration step").ok
+        faster = check(
+            curve, limits.with_period(0.999 * found.factor * limits.period), _slowed_plan(profile, 0.999 * found.factor)
+        )
+        assert not all(row.ok for row in faster.rows if row.limit != "step on a smooth path")
 
     def test_what_keeps_every_limit_needs_no_factor(self, teardrop):
         _, _, results = teardrop

@@ -16,9 +16,10 @@ shares no formula with any of them; a plan is judged between its samples as well
 
        kappa = max(1, r_feed, r_velocity, sqrt(r_acceleration), cbrt(r_jerk), sqrt(r_chord error)).
 
-   The check of the slowed motion confirms it.  A plan is slowed between its points, too.  The chord error of the same
-   points does not change: where it is too large, the slowed motion is sampled with the machine's own T, u(t) between the
-   points by a monotone cubic, and the chord error of that must hold.
+   The check of the slowed motion confirms it.  A plan is slowed between its points, too; a step of its acceleration on
+   a smooth path, which is no finite jerk however slow, counts there as the jerk a drive sees of it.  The chord error of
+   the same points does not change: where it is too large, the slowed motion is sampled with the machine's own T, u(t)
+   between the points by a monotone cubic, and the chord error of that must hold.
 4. *The saving* of the optimum is counted against the fastest method that breaks nothing as it is, and against the fastest
    once each has been slowed by its kappa.  ``nlp`` solves the problem of ``optimal`` and is no rival.
 
@@ -83,8 +84,9 @@ LETTERS = {
     "tangential jerk": "TJ",
 }
 """What stands for a broken limit in a table; anything else that fails is a question mark."""
+_STEP = "step on a smooth path"  # of the acceleration: breaks the jerk limit, and no slowing cures it
 # Rows that measure one of them in another way.
-_SAME_LIMIT = {"jerk at a curvature break": "jerk", "acceleration step": "jerk"}
+_SAME_LIMIT = {"jerk at a curvature break": "jerk", "acceleration step": "jerk", _STEP: "jerk"}
 _SLOWEST_FEED = 1.0  # mm/s; below it a relative deviation says nothing
 _SCAN_POINTS = 20_001
 _STEADY_SHARE = 0.5  # of acceleration and jerk, in the ramps to a constant feed
@@ -338,11 +340,14 @@ def judge(curve: Curve, limits: Limits, motion: Motion) -> tuple[tuple[Row, ...]
 
 
 def worst_ratios(rows: Sequence[Row]) -> dict[str, float]:
-    """Worst ratio of every limit of the machine, over the axes and over the rows that measure it."""
+    """Worst ratio of every limit of the machine, over the axes and over the rows that measure it.
+
+    A step of the acceleration is counted by what a drive sees of it, the row "acceleration step".
+    """
     worst = dict.fromkeys(_POWERS, 0.0)
     for row in rows:
         name = _SAME_LIMIT.get(row.limit, row.limit)
-        if name in worst:
+        if name in worst and row.limit != _STEP:
             worst[name] = max(worst[name], row.ratio)
     return worst
 
@@ -363,7 +368,7 @@ def dilation(curve: Curve, limits: Limits, motion: Motion, ratios: Mapping[str, 
         if not factor * motion.duration / limits.period < _MOST_POINTS:
             break
         rows = _slowed_rows(curve, limits, motion, factor)
-        if all(row.ok for row in rows):
+        if all(row.ok for row in rows if row.limit != _STEP):
             return Dilation(factor, factor * motion.duration, True)
         growth = least_dilation(worst_ratios(rows))
         if growth == 1.0:  # what fails does not depend on time
