@@ -1,0 +1,180 @@
+"""Plans with a known motion, and what tests of the check need around them."""
+
+from __future__ import annotations
+
+import importlib
+
+import numpy as np
+import pytest
+
+from planner.geometry.catalog import load_curve
+from planner.geometry.formula import FormulaCurve
+from planner.geometry.nurbs import NurbsCurve
+from planner.limits import Limits
+from planner.profile import Samples, make_profile
+
+# planner.check is the function, not the package of the same name, so modules are asked for by name.
+package = importlib.import_module("planner.check")
+searching = importlib.import_module("planner.check.peaks")
+check = package.check
+AXIS_LIMITS = ("velocity", "acceleration", "jerk")
+SINGLE_LIMITS = ("feed", "chord error", "tangential acceleration", "tangential jerk")
+ELLIPSE = (40.0, 25.0)
+
+
+def scurve(length, feed, acceleration, jerk, parts=1):
+    """Nodes (t, s, v, a) of the seven constant-jerk phases from rest to rest, each cut into equal parts."""
+    rise = acceleration / jerk
+    hold = feed / acceleration - rise
+    cruise = length / feed - (feed / acceleration + rise)
+    assert hold > 0.0
+    assert cruise > 0.0
+    phases = [(rise, jerk), (hold, 0.0), (rise, -jerk), (cruise, 0.0), (rise, -jerk), (hold, 0.0), (rise, jerk)]
+    rows = [(0.0, 0.0, 0.0, 0.0)]
+    for duration, j in phases:
+        t, s, v, a = rows[-1]
+        for w in duration * np.arange(1, parts + 1) / parts:
+            rows.append((t + w, s + v * w + a * w**2 / 2 + j * w**3 / 6, v + a * w + j * w**2 / 2, a + j * w))
+    nodes = np.array(rows).T
+    nodes[1:, -1] = length, 0.0, 0.0
+    return nodes
+
+
+def constant_feed(curve, feed, count):
+    """Nodes (t, s, v, a) at constant feed, the knots of the curve among them."""
+    s = np.linspace(0.0, curve.length, count + 1)
+    knots = curve.arclength.s(curve._candidate_breaks())
+    apart = np.abs(s[:, None] - knots).min(axis=1) if knots.size else np.full(s.size, np.inf)
+    s = np.union1d(s[apart > 1e-9 * curve.length], knots)
+    return np.stack([s / feed, s, np.full(s.size, feed), np.zeros(s.size)])
+
+
+def lift(curve, motion, double=True):
+    """Nodes (t, u, u_rate, u_acceleration) on a curve from nodes along its length; double ones at its knots."""
+    t, s, v, a = motion
+    u, knots = curve.arclength.u(s), curve._candidate_breaks()
+    on_knot = np.zeros(u.size, dtype=bool)
+    if knots.size:
+        distance = np.abs(u[:, None] - knots)
+        on_knot = distance.min(axis=1) < 1e-9
+        u[on_knot] = knots[distance.argmin(axis=1)[on_knot]]
+    i = np.repeat(np.arange(u.size), np.where(on_knot & double, 2, 1))
+    before = np.append(i[1:] == i[:-1], False)
+    d = np.where(before[:, None], curve.tip.derivatives(u[i], 2, side="left"), curve.tip.derivatives(u[i], 2))
+    speed2 = np.sum(d[1] ** 2, axis=-1)
+    bend = np.sum(d[1] * d[2], axis=-1)
+    return t[i], u[i], v[i] / np.sqrt(speed2), a[i] / np.sqrt(speed2) - v[i] ** 2 * bend / speed2**2
+
+
+def profile_on(curve, limits, nodes):
+    return make_profile(curve, limits, nodes, method="test")
+
+
+def nodes_of(profile):
+    return [np.array(column) for column in (profile.t, profile.u, profile.u_rate, profile.u_acceleration)]
+
+
+def sampled(curve, profile, period):
+    """One point a period of the plan itself; the end point fills the last period."""
+    count = int(np.ceil(profile.duration / period - 1e-9))
+    t = np.arange(count + 1) * period
+    u = profile.at(np.minimum(t, profile.duration)).u
+    return Samples(period, t, u, curve.derivatives(u, 0)[0])
+
+
+def unlimited(dim=2, **given_limits):
+    free = [np.inf] * dim
+    return Limits(**({"feed": np.inf, "velocity": free, "acceleration": free, "jerk": free} | given_limits))
+
+
+def limits_at(report):
+    """Limits that a plan in X and Y uses up exactly, by its own report."""
+    rows = {name: [report.row(name, axis).worst for axis in "XY"] for name in AXIS_LIMITS}
+    single = {name.replace(" ", "_"): report.row(name).worst for name in SINGLE_LIMITS}
+    return Limits(**rows, **single)
+
+
+def lowered(limits, name, axis_index, factor):
+    key = name.replace(" ", "_")
+    value = np.array(getattr(limits, key), dtype=float)
+    if axis_index is None:
+        value = float(value * factor)
+    else:
+        value[axis_index] *= factor
+    return limits._replace(**{key: value})
+
+
+def failing(report):
+    return {(row.limit, row.axis) for row in report.violations}
+
+
+@pytest.fixture(scope="module")
+def line():
+    return NurbsCurve([[0.0, 0.0], [60.0, 80.0]], [0, 0, 1, 1], 1, name="line")
+
+
+@pytest.fixture(scope="module")
+def line_limits():
+    return Limits(100.0, [60.0, 80.0], [600.0, 800.0], [12000.0, 16000.0], 1e-3, 1e-3, 1000.0, 20000.0)
+
+
+@pytest.fixture(scope="module")
+def line_plan(line, line_limits):
+    t, s, v, a = scurve(100.0, 100.0, 1000.0, 20000.0)
+    return profile_on(line, line_limits, (t, s / 100.0, v / 100.0, a / 100.0))
+
+
+@pytest.fixture(scope="module")
+def circle():
+    return load_curve("circle")
+
+
+@pytest.fixture(scope="module")
+def ellipse():
+    return FormulaCurve({"X": "40*cos(u)", "Y": "25*sin(u)"}, (0.0, 2.0 * np.pi), name="ellipse")
+
+
+@pytest.fixture(scope="module")
+def ellipse_plan(ellipse):
+    motion = scurve(ellipse.length, 120.0, 900.0, 15000.0, 60)
+    return profile_on(ellipse, unlimited(), lift(ellipse, motion))
+
+
+@pytest.fixture(scope="module")
+def ellipse_samples(ellipse, ellipse_plan):
+    return sampled(ellipse, ellipse_plan, 1e-3)
+
+
+@pytest.fixture(scope="module")
+def used_up(ellipse, ellipse_plan, ellipse_samples):
+    """Limits that the plan on the ellipse, and its samples, use up exactly; they hold."""
+    limits = {}
+    for kind, plan in (("profile", ellipse_plan), ("samples", ellipse_samples)):
+        limits[kind] = limits_at(check(ellipse, unlimited(), plan))
+        assert check(ellipse, limits[kind], plan).ok
+    return limits
+
+
+def with_lengths(motion, lengths):
+    """The same constant-jerk motion with nodes at further places."""
+    t, s, v, a = motion
+    extra = []
+    for length in lengths:
+        if np.abs(s - length).min() < 1e-9:
+            continue
+        k = int(np.searchsorted(s, length)) - 1
+        j = (a[k + 1] - a[k]) / (t[k + 1] - t[k])
+        roots = np.roots([j / 6, a[k] / 2, v[k], s[k] - length]) if abs(j) > 1e-9 else None
+        w = (length - s[k]) / v[k] if roots is None else roots[np.argmin(abs(roots - (length - s[k]) / v[k]))].real
+        extra.append((t[k] + w, length, v[k] + a[k] * w + j * w**2 / 2, a[k] + j * w))
+    merged = np.concatenate([motion, np.array(extra).T.reshape(4, -1)], axis=1)
+    return merged[:, np.argsort(merged[0])]
+
+
+def tangential(curve, samples, acceleration, jerk):
+    inf = [np.inf] * curve.dim
+    limits = Limits(
+        np.inf, inf, inf, inf, tangential_acceleration=acceleration, tangential_jerk=jerk, axes=curve.axes, period=1e-3
+    )
+    report = check(curve, limits, samples)
+    return report.row("tangential acceleration"), report.row("tangential jerk")
