@@ -34,10 +34,10 @@ from planner.grid import place_knots, scan, with_blends
 from planner.law import TimeNodes, Utilisation, utilisation
 from planner.limits import Limits
 from planner.profile import evaluate_law
-from planner.refine import Attempt, Stage, Task
 from planner.sections import BLEND_LENGTH, Section, cut
 from planner.solvers import optimal
 from planner.solvers.optimal import Iterate
+from planner.stage import Attempt, Stage, Task
 
 INTERVALS = 1000
 COARSER = 8  # the coarse grid has an eighth of the intervals

@@ -126,9 +126,11 @@ def _default_intervals(of: Multiplied, profile: FeedrateProfile) -> int:
 def section_bound(section: Section, limits: Limits, intervals: int, pace: Pace, *, periodic: bool = False) -> float:
     """Bound the time of a section from below by few knots: as rigorous as :func:`certify`, 1e-4 to a few % less tight.
 
-    ``intervals`` and ``pace`` are those of the plan.
+    ``intervals`` and ``pace`` are those of the plan.  nan where the path's numbers are too far apart for the method.
     """
-    return _certified(section, limits, max(_QUICK, intervals // _COARSER), pace, periodic=periodic, rounds=1)[0]
+    with np.errstate(all="ignore"):
+        bound = _certified(section, limits, max(_QUICK, intervals // _COARSER), pace, periodic=periodic, rounds=1)[0]
+    return bound if np.isfinite(bound) and bound > 0.0 else np.nan
 
 
 def _certified(

@@ -16,11 +16,46 @@ from planner.check.motion import Motion, TimeLaw
 from planner.geometry.curve import Curve, FloatArray
 from planner.law import TimeNodes, joined
 from planner.limits import Limits
+from planner.profile import evaluate_law
 
-_MET = 1.0 + 2e-7
+MET_CHORD = 1.0 + 2e-7
 _MOST_PASSES = 24
 _LARGEST_STEP = 3.0  # of the slowing down in one pass
 _BEYOND = 1e-6
+_PARTS = 16  # of a period
+_MOST_POINTS = 1_000_000
+
+
+def chord_shares(curve: Curve, limits: Limits, nodes: TimeNodes) -> tuple[FloatArray, FloatArray]:
+    """Largest share of the chord error's limit by chords of one period around each time: times (m,), shares (m,).
+
+    Chords begin at every 16th of a period and are looked at there, of a plan of very many periods at fewer; all are raised
+    until the largest is that of every phase.
+    """
+    tip, (u0, u1) = curve.tip, curve.domain
+    period = min(limits.period, float(nodes.t[-1]))
+    part = max(period / _PARTS, float(nodes.t[-1]) / _MOST_POINTS)
+    parts = max(1, round(period / part))
+    times = part * np.arange(int(np.ceil(nodes.t[-1] / part)) + 1)
+    u = evaluate_law(nodes.t, nodes.u, nodes.u_rate, nodes.u_acceleration, np.minimum(times, nodes.t[-1]))[0]
+    points = tip.derivatives(np.clip(u, u0, u1), 0)[0]
+    windows = np.lib.stride_tricks.sliding_window_view(points, parts + 1, axis=0)  # (m - parts, dim, parts + 1)
+    begin = windows[..., 0]
+    chord = windows[..., -1] - begin
+    square = np.einsum("ij,ij->i", chord, chord)
+    height = np.zeros(begin.shape[0])
+    for k in range(1, parts):
+        away = windows[..., k] - begin
+        along = np.einsum("ij,ij->i", away, chord)
+        share = np.clip(np.divide(along, square, out=np.zeros_like(along), where=square > 0.0), 0.0, 1.0)
+        off = away - share[:, None] * chord
+        height = np.maximum(height, np.einsum("ij,ij->i", off, off))
+    shares = np.asarray(np.sqrt(height) / limits.chord_error, dtype=np.float64)
+    worst = profile_chord(Motion.of(curve, TimeLaw.of(nodes)), limits.period)[0] / limits.chord_error
+    shares *= max(1.0, worst / float(shares.max(initial=worst)))
+    padded = np.pad(shares, parts, constant_values=0.0)
+    covering = np.lib.stride_tricks.sliding_window_view(padded, parts + 1).max(axis=1)
+    return np.asarray(times[: covering.size], dtype=np.float64), np.asarray(covering[: times.size], dtype=np.float64)
 
 
 def slowed_for_chords(curve: Curve, limits: Limits, parts: list[TimeNodes], may_slow: list[bool]) -> FloatArray:
@@ -44,7 +79,7 @@ def slowed_for_chords(curve: Curve, limits: Limits, parts: list[TimeNodes], may_
         worst, (_, u) = profile_chord(Motion.of(curve, TimeLaw.of(nodes)), limits.period)
         share = worst / limits.chord_error
         at = min(int(np.searchsorted(ends, u)), len(parts) - 1)
-        if share <= _MET or not may_slow[at]:
+        if share <= MET_CHORD or not may_slow[at]:
             break
         factors[at] *= min(np.sqrt(share), _LARGEST_STEP) * (1.0 + _BEYOND)
     return factors

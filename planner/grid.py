@@ -20,10 +20,15 @@ from planner.errors import CurveError, InfeasibleError
 from planner.geometry.curve import FloatArray, arc_derivatives, curvature, dot
 from planner.limits import Limits, chord_feed_limit, commanded_feed
 from planner.sections import BLEND_LENGTH, Section, axis_weights, evaluate
+from planner.slow import resolved
 
 _UNIFORM, _TIME, _TURNING = 0.2, 0.5, 0.3
+# A path that turns by less in all, rad, is a straight line: its turning is rounding.
+_STRAIGHT = 1e-9
 # |d spacing / d sigma| that keeps neighbours within a factor 2
 _GROWTH = 0.6
+# Knots at least for a change of log |C'| by 1, and the share of the jerk limit that the quintics between may add.
+_PER_CHANGE, _STRETCHED_JERK = 4.0, 1e-3
 _BLEND_KNOTS = 20
 _SLIVER = 1e-13  # of the whole
 # Samples: so many an interval, fewer where there are many
@@ -44,6 +49,8 @@ _DIP_LEVELS = 10
 _NARROWEST_DIP = 1e-9  # of the section
 # Share of the jerk limit that rounding may make of nodes close to one another.
 _ROUNDING_SHARE = 1e-3
+# The same where only nodes as close as that follow the path, with room for the rest of the jerk.
+SHORTEST_SHARE = 10.0
 _LEAST_RESOLVABLE = 200
 
 
@@ -121,8 +128,8 @@ class Grid:
         return int(np.count_nonzero(np.diff(self.sigma) > 0.0))
 
 
-def scan(section: Section, limits: Limits, intervals: int) -> Scan:
-    """Sample a section and guess its feed."""
+def scan(section: Section, limits: Limits, intervals: int, *, follow: bool = False) -> Scan:
+    """Sample a section and guess its feed; ``follow``: with samples that crowd where |C'| changes fast."""
     curve = section.curve
     weights = axis_weights(limits)
     count = max(_MIN_SCAN, min(_SCAN_PER_INTERVAL * intervals, intervals + _MANY))
@@ -136,6 +143,10 @@ def scan(section: Section, limits: Limits, intervals: int) -> Scan:
     inside = _inside_short(np.concatenate([[section.y_start], breaks, [section.y_end]]), y[1] - y[0])
     y = np.unique(np.concatenate([y, section.y_start + near, section.y_end - near, breaks, inside, close]))
     u = section.parameter(y)
+    if follow:
+        more = resolved(curve, weights, np.unique(u))
+        y = np.unique(np.concatenate([y, np.clip(section.coordinate(more), y[0], y[-1])]))
+        u = section.parameter(y)
     q = evaluate(curve, u, u >= section.u_end)
     scaled = q.copy()
     scaled[1:] *= weights
@@ -326,8 +337,11 @@ def _at_stop(allowed: FloatArray, at: int) -> float:
     return float(min(allowed[at], _UNUSUAL * np.median(usual))) if usual.size else float(allowed[at])
 
 
-def place_knots(section: Section, guess: Scan, intervals: int) -> Grid:
-    """Distribute about ``intervals`` intervals over a section (with blends) by the density above."""
+def place_knots(section: Section, guess: Scan, intervals: int, *, follow: bool = False) -> Grid:
+    """Distribute about ``intervals`` intervals over a section (with blends) by the density above.
+
+    ``follow``: more where quintics of u would not follow |C'| otherwise; a bound has none.
+    """
     span, w0, w1 = section.span, section.blend_start, section.blend_end
     # Between the blends sigma is y and a constant; inside them it is sampled by itself, no inverse is needed.
     straight = guess.y - section.y_start + (1.0 - BLEND_LENGTH) * w0
@@ -340,8 +354,7 @@ def place_knots(section: Section, guess: Scan, intervals: int) -> Grid:
     y = section.position(sigma)
     time = guess.time
     cumulated = _UNIFORM * sigma / span + _TIME * np.interp(y, guess.y, time) / time[-1]
-    if guess.turning[-1] > 0.0:
-        cumulated += _TURNING * np.interp(y, guess.y, guess.turning) / guess.turning[-1]
+    cumulated += _TURNING * np.interp(y, guess.y, guess.turning) / max(guess.turning[-1], _STRAIGHT)
     step = np.diff(sigma)
     density = intervals * np.diff(cumulated) / (step * cumulated[-1])
     mid = 0.5 * (sigma[1:] + sigma[:-1])
@@ -357,23 +370,61 @@ def place_knots(section: Section, guess: Scan, intervals: int) -> Grid:
     for shift in (0, 1):  # the cells on either side of a dip
         cell = np.clip(np.searchsorted(sigma, dips) - shift, 0, spacing.size - 1)
         np.minimum.at(spacing, cell, _DIP_SHARE * guess.dips.width)
+    stretched = np.minimum(spacing, step * _stretched(guess, y)) if follow else spacing
+    most = intervals + _DIP_KNOTS * dips.size
+    count = _counted(sigma, step, spacing, mid, span)
+    wanted = count[-1]
+    if follow:
+        count = _counted(sigma, step, stretched, mid, span)
+        most += int(count[-1] - wanted)
+    count *= max(1.0, min(most, count[-1]) / intervals) * intervals / count[-1]
+    return _knots(section, sigma, count)
+
+
+def _stretched(guess: Scan, y: FloatArray) -> FloatArray:
+    """Largest spacing of knots, in cells of the ``y (n,)``, at which their quintics follow |C'|, (n - 1,).
+
+    With dL the change of log |C'| over the way ds of an interval, and l = ds / dL, a quintic in time is off by about
+    (v^3 / l^2) dL^3 of jerk: by its sixth derivative where |C'| goes like the root of the way.  No closer than rounding
+    allows, see :func:`least_times`.
+    """
+    change = np.abs(np.diff(np.interp(y, guess.y, np.log(guess.speed))))
+    way = np.diff(np.interp(y, guess.y, guess.length))
+    feed, jerk, least = (
+        0.5 * (at[1:] + at[:-1])
+        for at in (np.interp(y, guess.y, row) for row in (guess.feed, guess.jerk, least_times(guess)))
+    )
+    with np.errstate(divide="ignore", invalid="ignore"):
+        each = np.minimum(1.0 / _PER_CHANGE, np.cbrt(_STRETCHED_JERK * jerk * (way / change) ** 2 / feed**3)) / change
+        # of a cell that rounding leaves no way nothing is known
+        return np.nan_to_num(np.fmax(each, 2.0 * least * feed / way), nan=np.inf)
+
+
+def _counted(sigma: FloatArray, step: FloatArray, spacing: FloatArray, mid: FloatArray, span: float) -> FloatArray:
+    """Accumulated number of intervals over sigma at these spacings of the cells, each in the growth of its neighbours."""
+    spacing = spacing.copy()
     for flip in (slice(None), slice(None, None, -1)):
         ramp = _GROWTH * (mid[flip] if flip.step is None else span - mid[flip])
         spacing[flip] = np.minimum.accumulate(spacing[flip] - ramp) + ramp
-    count = np.concatenate([[0.0], np.cumsum(step / spacing)])
-    count *= max(1.0, min(intervals + _DIP_KNOTS * dips.size, count[-1]) / intervals) * intervals / count[-1]
-    return _knots(section, sigma, count)
+    return np.concatenate([[0.0], np.cumsum(step / spacing)])
+
+
+def least_times(guess: Scan, share: float = SHORTEST_SHARE) -> FloatArray:
+    """Time that nodes must be apart at each sample, so that rounding makes no more than this share of the jerk limit, s.
+
+    A digit e = eps (|u| |dq/du| + v t) in the place of a node and in its time, h between nodes, is 60 e / h^3 of jerk.
+    """
+    digit = np.finfo(float).eps * (np.abs(guess.u) * guess.speed + guess.feed * guess.time)
+    with np.errstate(divide="ignore"):
+        return np.asarray(np.cbrt(60.0 * digit / (share * guess.jerk)))
 
 
 def resolvable(guess: Scan) -> int:
     """Largest number of intervals of which the nodes still tell a jerk: closer ones differ by rounding.
 
-    A digit e = eps (|u| |dq/du| + v t) in the place of a node and in its time, h between nodes, is 60 e / h^3 of jerk.
+    See :func:`least_times`.
     """
-    time = guess.time
-    digit = np.finfo(float).eps * (np.abs(guess.u) * guess.speed + guess.feed * time)
-    with np.errstate(divide="ignore"):
-        least = np.cbrt(60.0 * digit / (_ROUNDING_SHARE * guess.jerk))
+    time, least = guess.time, least_times(guess, _ROUNDING_SHARE)
     per_node = 0.5 * (least[1:] + least[:-1])
     count = np.sum(np.diff(time)[per_node > 0.0] / (2.0 * per_node[per_node > 0.0]))
     if not np.isfinite(count):

@@ -5,11 +5,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.errors import SolverError
-from planner.geometry.curve import Curve, FloatArray
+from planner.errors import CurveError, SolverError
+from planner.geometry.curve import Curve, FloatArray, dot
 from planner.law import TimeNodes
 from planner.profile import quintic_coefficients
 
+# What makes a curve one for which no plan was found: a digit of u against the length of the path, and |C'| against its
+# largest value on a piece.
+_DIGIT, _SLOW = 1e-9, 1e-5
+_SAMPLES = 64  # a piece
 _BACKWARD = 1e-9  # of the largest rate of u: slower than that is rounding
 _POINTS = 32
 # Row k: the Bernstein coefficients of w^k, of degree 4, on [0, 1].
@@ -67,3 +71,32 @@ def _falls_back(nodes: TimeNodes) -> NDArray[np.bool_]:
     rate = np.einsum("ki,kp->ip", power[:, doubtful], w ** np.arange(5)[:, None])
     out[full[doubtful]] = (rate < -allowed[doubtful, None]).any(axis=1)
     return out
+
+
+def explained(curve: Curve, error: SolverError, start: float, end: float) -> SolverError | CurveError:
+    """The same error, of the curve where it has between these parameters what the digits of a plan do not resolve."""
+    edges = curve.pieces.breaks
+    edges = np.concatenate([[start], edges[(edges > start) & (edges < end)], [end]])
+    # Ever closer to both ends, and these from inside: |C'| is as small, or as large, there as anywhere.
+    near = np.geomspace(1e-12, 0.5, _SAMPLES // 2)
+    share = np.concatenate([[0.0], near, 1.0 - near[::-1], [1.0]])
+    u = edges[:-1, None] + np.diff(edges)[:, None] * share
+    u[:, -1] = edges[1:]
+    velocity = curve.pieces.evaluate(u.reshape(-1), 1, np.tile(share == 1.0, edges.size - 1))[1]
+    speed = np.sqrt(dot(velocity, velocity)).reshape(u.shape)
+    digit = np.spacing(np.abs(u)) * speed
+    slowness = speed / speed.max(axis=1, keepdims=True)
+    length = float(np.sum(0.5 * (speed[:, 1:] + speed[:, :-1]) * np.diff(u, axis=1)))
+    if digit.max() > _DIGIT * length:
+        at = np.unravel_index(int(digit.argmax()), digit.shape)
+        return CurveError(
+            f"{error}. What is special there: a digit of u is worth {digit[at]:.3g} mm of the path at u = {u[at]:.9g}; let "
+            "the parameter begin near 0, or spread it more evenly"
+        )
+    if slowness.min() < _SLOW:
+        at = np.unravel_index(int(slowness.argmin()), slowness.shape)
+        return CurveError(
+            f"{error}. What is special there: |C'| falls to {slowness[at]:.2g} of its largest value on its piece at u = "
+            f"{u[at]:.9g}, all but a cusp; remove the control point that nearly coincides with another"
+        )
+    return error

@@ -16,9 +16,9 @@ import numpy as np
 from planner.bounds import section_bound
 from planner.chords import slowed_for_chords
 from planner.dual.problem import Pace
-from planner.errors import InfeasibleError, InputError, SolverError
+from planner.errors import CurveError, InfeasibleError, InputError, SolverError
 from planner.geometry.curve import Curve, FloatArray, arc_derivatives
-from planner.guard import require_law
+from planner.guard import explained, require_law
 from planner.law import TimeNodes, joined, utilisation
 from planner.limits import Limits, feedrate_limits
 from planner.profile import FeedrateProfile, make_profile
@@ -26,19 +26,20 @@ from planner.refine import (
     ALMOST_MET,
     MIN_INTERVALS,
     PEAK_MARGIN,
-    WORTH_SAYING,
     Effort,
-    Progress,
     SectionPlan,
+    hold_chords,
     not_met,
     say_slowing_down,
 )
 from planner.refine import plan_section as plan_and_refine
 from planner.sections import Section, cut
+from planner.stage import WORTH_SAYING, Progress
 
 Method = Literal["optimal", "nlp", "toppra", "scurve"]
 
 _MAX_INTERVALS = 20_000_000
+_HARDLY_A_PLAN = 10.0  # of slowing down as a whole
 
 
 def plan_feedrate(
@@ -122,10 +123,17 @@ def plan_feedrate(
         if progress is not None:
             progress(f"section {i + 1} of {len(sections)}", float(shares[:i].sum()))
         effort = Effort.for_share(intervals, float(shares[i]), section)
-        plans.append(_plan_section(section, limits, method, periodic, began + budget, effort, progress))
+        try:
+            plans.append(_plan_section(section, limits, method, periodic, began + budget, effort, progress))
+        except SolverError as error:
+            raise explained(curve, error, section.u_start, section.u_end) from None
+        _require_worth(section, plans[-1])
     plans = _hold_chords(curve, limits, sections, plans)
     nodes = joined([plan.nodes for plan in plans])
-    require_law(curve, nodes)
+    try:
+        require_law(curve, nodes)
+    except SolverError as error:
+        raise explained(curve, error, *curve.domain) from None
     stats = _collect(sections, plans, limits, exact_stop)
     slowed = np.repeat(
         [max(1.0, plan.stats.get("slowdown", 1.0)) for plan in plans], [plan.nodes.t.size for plan in plans]
@@ -269,10 +277,31 @@ def _plan_without_jerk(section: Section, limits: Limits, effort: Effort, periodi
     return SectionPlan(nodes, bound, stats)
 
 
+def _require_worth(section: Section, plan: SectionPlan) -> None:
+    """Refuse a curve of which a plan must be run many times slower than it was solved, where the curve is the reason."""
+    slowdown = plan.stats.get("slowdown", 1.0)
+    if slowdown <= _HARDLY_A_PLAN or section.has_prescribed_feed:
+        return
+    reason = explained(
+        section.curve,
+        SolverError(
+            f"{section.curve.name}: what was found between u = {section.u_start:.9g} and {section.u_end:.9g} must be run "
+            f"{slowdown:.3g} times slower than it was solved, which is hardly a plan"
+        ),
+        section.u_start,
+        section.u_end,
+    )
+    if isinstance(reason, CurveError):
+        raise reason
+
+
 def _hold_chords(curve: Curve, limits: Limits, sections: list[Section], plans: list[SectionPlan]) -> list[SectionPlan]:
     """Slow down the sections in which the true chord error is too large, and say so."""
     may_slow = [not section.has_prescribed_feed for section in sections]
     factors = slowed_for_chords(curve, limits, [plan.nodes for plan in plans], may_slow)
+    if (factors > 1.0).any():
+        plans = [hold_chords(plan) if factor > 1.0 else plan for plan, factor in zip(plans, factors, strict=True)]
+        factors = slowed_for_chords(curve, limits, [plan.nodes for plan in plans], may_slow)
     held = []
     for section, plan, factor in zip(sections, plans, factors, strict=True):
         if factor == 1.0:

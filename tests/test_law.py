@@ -410,7 +410,7 @@ def test_steps_of_close_nodes_are_those_of_the_law_and_not_of_its_digits(offset)
     u[0, [0, -1]] = offset + exact[[0, -1]]
     ends = np.zeros(t.size, dtype=bool)
     ends[[0, -1]] = True
-    advance, nodes = _in_step(u[0], _advance(np.diff(t), u), ends)
+    advance, nodes = _in_step(u[0], _advance(np.diff(t), u), ends, np.diff(t))
     assert np.abs(advance - np.diff(exact)).max() <= 1e-12 * exact[-1] + 8.0 * np.spacing(offset + 1.0) / t.size
     assert np.abs(np.diff(nodes) - advance).max() <= np.spacing(offset + 1.0)
     assert nodes[[0, -1]].tolist() == u[0, [0, -1]].tolist()
@@ -427,7 +427,7 @@ def test_half_a_digit_is_not_put_into_a_stretch_of_a_microsecond():
     u[[10, 12, 14]] += np.array([0.4, -0.4, 0.4]) * digit
     u = np.round(u / digit) * digit
     steps = np.diff(exact)
-    advance, nodes = _in_step(u, steps, known)
+    advance, nodes = _in_step(u, steps, known, np.diff(t))
     assert np.array_equal(nodes[known], u[known])
     assert np.abs(advance - steps).max() <= 1e-20  # 60 of it over h^3 is the jerk that it makes
     assert np.abs(np.diff(nodes) - advance).max() <= 1.5 * digit
@@ -439,7 +439,7 @@ def test_what_is_left_over_beyond_half_a_digit_is_spread():
     u[-1] += 1e-13
     known = np.zeros(t.size, dtype=bool)
     known[[0, -1]] = True
-    advance, nodes = _in_step(u, np.diff(t), known)
+    advance, nodes = _in_step(u, np.diff(t), known, np.diff(t))
     assert advance.sum() == pytest.approx(1.0 + 1e-13, abs=3e-16)
     assert np.ptp(advance - np.diff(t)) <= 2e-17
     assert nodes[-1] == u[-1]

@@ -119,7 +119,9 @@ def test_the_true_chord_error_is_kept_at_a_near_cusp() -> None:
     row = check(curve, limits, profile).row("chord error")
     assert row.ok
     assert row.ratio > 0.9
-    assert profile.stats["slowdown"] > 1.1
+    # held there alone: slowed down as a whole it took 3.80 s
+    assert profile.duration < 0.72
+    assert profile.stats["slowdown"] < 1.001
     assert any("for its chord error" in note for note in profile.stats["notes"])
 
 

@@ -10,12 +10,14 @@ import numpy as np
 import pytest
 
 from planner import Limits, load_curve, refine
+from planner import stage as stages
 from planner.errors import InfeasibleError, SolverError
 from planner.grid import place_knots, scan, with_blends
 from planner.law import Utilisation
-from planner.refine import Attempt, Effort, Round, Stage, Task
+from planner.refine import Effort, Round
 from planner.sections import Section, cut
 from planner.solvers import optimal
+from planner.stage import Attempt, Stage, Task
 
 LIMITS = Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2)
 
@@ -129,10 +131,10 @@ def test_limits_are_tightened_in_an_interval_and_in_two_on_either_side(row: str,
     grid, at = stage.grid, 40
     share = np.full(2 * grid.intervals, 0.9)
     share[2 * at + half] = 1.01
-    margins = refine._margins(used_of(**{row: share}), grid, gain)
+    margins = stages._margins(used_of(**{row: share}), grid, gain)
     kinds = ["speed", "acceleration", "jerk"]
     wanted = np.ones(2 * grid.sigma.size - 1)
-    wanted[2 * (at - 2) : 2 * (at + 3) + 1] = (1.0 + gain * 0.01) * (1.0 + refine._MARGIN_STEP)
+    wanted[2 * (at - 2) : 2 * (at + 3) + 1] = (1.0 + gain * 0.01) * (1.0 + stages._MARGIN_STEP)
     for kind, margin in zip(kinds, margins, strict=True):
         assert margin == pytest.approx(wanted if kind == row else np.ones(wanted.size), rel=1e-14), kind
 
@@ -141,7 +143,7 @@ def test_tightening_divides_every_limit_but_a_prescribed_feed() -> None:
     _, stage = task_of(start=100.0, end=60.0)
     problem = stage.problem
     margins = [1.0 + 0.1 * np.random.default_rng(k).uniform(0.5, 1.0, problem.cap.size) for k in range(3)]
-    tight = refine._tightened(problem, *margins)
+    tight = stages._tightened(problem, *margins)
     assert tight.cap[1:-1] == pytest.approx((problem.cap / margins[0] ** 2)[1:-1], rel=1e-14)
     assert tight.cap[0] == pytest.approx(problem.start, rel=2e-9)  # the feed limit itself is prescribed there
     assert tight.cap[0] > problem.start
@@ -165,7 +167,7 @@ def test_a_reserve_is_left_from_its_parameter_on() -> None:
 def test_a_prescribed_feed_leaves_two_millionths_of_every_limit() -> None:
     """Such a plan cannot be slowed down: what a solve uses too much between points must be left before."""
     task, stage = task_of(start=30.0)
-    untouched = refine.build(task.section, task.limits, stage.grid, task.guess)[0]
+    untouched = stages.build(task.section, task.limits, stage.grid, task.guess)[0]
     assert stage.problem.jerk == pytest.approx(untouched.jerk * (1.0 + 2e-6), rel=1e-12)
     assert stage.problem.cap[1:] == pytest.approx(untouched.cap[1:] / (1.0 + 2e-6) ** 2, rel=1e-12)
 
@@ -199,12 +201,12 @@ def test_a_tightened_solve_begins_on_the_way_of_the_last_unless_a_feed_is_prescr
     assert attempt.waypoint is not None
     assert start.waypoint is (None if feeds else attempt.waypoint)
     assert tighter.grid is stage.grid
-    assert tighter.problem.jerk == pytest.approx(stage.problem.jerk * 1.002 * (1.0 + refine._MARGIN_STEP), rel=1e-12)
+    assert tighter.problem.jerk == pytest.approx(stage.problem.jerk * 1.002 * (1.0 + stages._MARGIN_STEP), rel=1e-12)
     reserved = replace(task, section=replace(task.section, reserve=((0.0, 0.1),)))
     gain = 2.0 if feeds else 1.0  # only what continues another plan is tightened by more
     tighter, _ = stage.next(reserved, attempt, used_of(jerk=share), may_split=False)
     assert tighter.problem.jerk == pytest.approx(
-        stage.problem.jerk * (1.0 + 0.002 * gain) * (1.0 + refine._MARGIN_STEP), rel=1e-12
+        stage.problem.jerk * (1.0 + 0.002 * gain) * (1.0 + stages._MARGIN_STEP), rel=1e-12
     )
 
 
@@ -235,7 +237,7 @@ def test_the_larger_half_stands_for_an_interval_and_none_for_an_empty_one() -> N
     grid = SimpleNamespace(sigma=np.array([0.0, 1.0, 1.0, 3.0]))
     # halves of the first, the empty one, halves of the last
     values = np.array([0.3, 0.7, 9.0, 0.8, 0.2])
-    assert refine._by_interval(values, grid).tolist() == [0.7, 0.0, 0.8]  # type: ignore[arg-type]
+    assert stages._by_interval(values, grid).tolist() == [0.7, 0.0, 0.8]  # type: ignore[arg-type]
 
 
 # ---- which plan is kept --------------------------------------------------------------------------------------------

@@ -9,7 +9,7 @@ import numpy as np
 
 from planner.check.peaks import IntArray
 from planner.check.quantities import names
-from planner.check.sizes import EPS, ON_KNOT
+from planner.check.sizes import EPS, ON_KNOT, ON_KNOT_OF_GAP
 from planner.geometry.curve import Curve, FloatArray
 
 
@@ -123,9 +123,13 @@ class Motion:
         u0, u1 = curve.domain
         u_ends = np.clip(law.ends[:, 0], u0, u1)
         if knots.size:
+            # Knots may be 1e-8 of the domain apart, and |C'| change between them.
+            gaps = np.diff(np.concatenate([[u0], knots, [u1]]))
+            local = np.maximum(ON_KNOT_OF_GAP * np.minimum(gaps[:-1], gaps[1:]), 4.0 * np.spacing(np.abs(knots)))
+            reach = np.minimum(ON_KNOT * (u1 - u0), local)
             near = np.clip(np.searchsorted(knots, u_ends), 1, knots.size) - 1
             for k in (near, np.minimum(near + 1, knots.size - 1)):
-                u_ends = np.where(np.abs(u_ends - knots[k]) <= ON_KNOT * (u1 - u0), knots[k], u_ends)
+                u_ends = np.where(np.abs(u_ends - knots[k]) <= reach[k], knots[k], u_ends)
         first = np.searchsorted(knots, u_ends[0], side="right")
         parts = np.maximum(np.searchsorted(knots, u_ends[1], side="left") - first, 0) + 1
         interval = np.repeat(np.arange(law.h.size), parts)

@@ -10,8 +10,9 @@ EPS = float(np.finfo(np.float64).eps)
 # Steps of the velocity below this fraction of the largest value are rounding: one-sided derivatives differ in the last
 # digits.
 VELOCITY_STEP = 1e-9
-# Nodes within this fraction of the domain of a knot lie on it.
-ON_KNOT = 1e-12
+# Nodes within this fraction of the domain of a knot lie on it, where the next knots are not so close that it is much of the
+# way to them: no more than the second fraction of that, but always a few digits.
+ON_KNOT, ON_KNOT_OF_GAP = 1e-12, 1e-10
 # Accuracy to which an arc length is known, as a fraction of the whole length.
 LENGTH_ACCURACY = 1e-14
 

@@ -196,8 +196,10 @@ class Track:
                 continue
             some = np.flatnonzero(self.near[end, k] | ~np.isfinite(cap))
             cells = k[some]
-            way = _WAY_MARGIN * (self.way[end][:, cells + end] + self.rise[:, cells] * gone_or_left[some])
-            cap[some] = np.minimum(cap[some], self._reached(first[:, some], way, v0, self.ramps[end][:, cells]))
+            # rounding next to an end may leave less than nothing
+            way = np.maximum(self.way[end][:, cells + end] + self.rise[:, cells] * gone_or_left[some], 0.0)
+            reached = self._reached(first[:, some], _WAY_MARGIN * way, v0, self.ramps[end][:, cells])
+            cap[some] = np.minimum(cap[some], reached)
         return Points(first * u1, second * u1**2 + first * u2, cap / u1**2)
 
     def known_speed(self, end: int) -> FloatArray | None:
@@ -279,7 +281,7 @@ class Track:
         for end, gone_or_left in ((0, gone), (1, left)):
             v0 = self.known_speed(end)
             if v0 is not None:
-                way = self.way[end][:, k + end] + self.rise[:, k] * gone_or_left
+                way = np.maximum(self.way[end][:, k + end] + self.rise[:, k] * gone_or_left, 0.0)
                 reached = self._reached(first, way, v0, self.ramps[end][:, k])
                 near[end, full] = (reached < _NEAR * cap).reshape(-1, nodes.size).any(axis=1)
         return replace(self, near=near)

@@ -46,7 +46,7 @@ from planner.programs.reader import read_program
 from planner.programs.restore import restored
 from planner.programs.times import LineTimes, combined, write_line_times
 from planner.programs.window import Planner
-from planner.refine import Progress
+from planner.stage import Progress
 
 _COLUMNS = ("t", "u", "u_rate", "u_acceleration", "feed", "position")
 _FORMAT = "feedplan windows 2"
