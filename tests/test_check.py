@@ -343,3 +343,31 @@ def test_chords_that_cannot_be_the_highest_are_left_out_and_change_nothing(monke
     monkeypatch.setattr(chords, "_within", lambda _curve, u, _rounding: np.full(u.size - 1, np.inf))
     assert chords.sample_chord(ellipse, samples, u, 24, allowed=allowed, rounding=1e-14) == found
     assert sum(looked_at) > u.size
+
+
+def spiked_line(width, times):
+    """A line on which the jerk J = 20000 mm/s^3 is ``times`` J for ``width`` s; nodes at its ends, exact but for rounding."""
+    steps = [(0.02, 1.0), (0.02, -1.0), (0.01, 0.5), (width, times), (0.01, 0.5), (0.02, -0.5)]
+    h = np.array([step for step, _ in steps])
+    jerk = 20000.0 * np.array([share for _, share in steps])
+    state = np.zeros((3, h.size + 1))
+    for k in range(h.size):
+        s, v, a = state[:, k]
+        state[:, k + 1] = (
+            s + h[k] * (v + h[k] * (a / 2.0 + h[k] * jerk[k] / 6.0)),
+            v + h[k] * (a + h[k] * jerk[k] / 2.0),
+            a + h[k] * jerk[k],
+        )
+    length = float(state[0, -1])
+    curve = NurbsCurve([[0.0, 0.0], [length, 0.0]], [0, 0, 1, 1], 1)
+    inf = [np.inf, np.inf]
+    limits = Limits(np.inf, inf, inf, [20000.0, 20000.0])
+    return curve, limits, (np.concatenate([[0.0], np.cumsum(h)]), *(state / length))
+
+
+@pytest.mark.parametrize("width", [1e-8, 1e-7, 1e-6, 1e-5, 1e-4])
+@pytest.mark.parametrize(("times", "holds"), [(0.5, True), (0.99, True), (1.01, False), (10.0, False), (-10.0, False)])
+def test_digits_do_not_hide_a_spike_of_the_jerk(width, times, holds):
+    curve, limits, nodes = spiked_line(width, times)
+    row = check(curve, limits, profile_on(curve, limits, nodes)).row("jerk", "X")
+    assert row.ok is holds

@@ -19,8 +19,8 @@ wherever u(t) crosses a knot of the curve, so that everything is smooth within a
 the last one.
 
 Known limitation: a table in double precision cannot hold a jerk over very short intervals h, because the last digit of
-u is worth 60 eps |u| / h^3.  That much is granted (``Row.slack``); it matters below some 1e-5 s, where the samples of
-the plan say more than the table.
+u is worth 60 eps |u| / h^3.  That much is granted (``Row.slack``); it matters below some 1e-5 s.  There the mean jerk of
+each interval is looked at as well, of which the digits of u hide nothing (``meanjerk.py``).
 """
 
 from __future__ import annotations

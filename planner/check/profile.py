@@ -6,6 +6,7 @@ import numpy as np
 
 from planner.check.chords import profile_chord
 from planner.check.columns import Nodes
+from planner.check.meanjerk import mean_jerks
 from planner.check.motion import Motion, TimeLaw
 from planner.check.report import Report, Rows
 from planner.check.scan import feed_under, machine_caps, scan_spans, worst_of
@@ -28,8 +29,11 @@ def check_profile(curve: Curve, limits: Limits, profile: FeedrateProfile, densit
     table = rows.rows
     rows.rows = []
     turning_back = VELOCITY_STEP * float(np.abs(profile.u_rate).max())
+    means = mean_jerks(motion)
     for name, j, worst, slack, place in worst_of(motion, scan, density):
-        if j >= 0:
+        if name == "jerk" and means[j][0] - means[j][1] > worst - slack:
+            rows.add(name, means[j][0], limits.jerk[j], means[j][2], slack=means[j][1], j=j)
+        elif j >= 0:
             rows.add(name, worst, getattr(limits, name)[j], place, slack=slack, j=j)
         elif name == "feed" and curve.feed_caps is not None:
             rows.add(name, *feed_under(motion, machine_caps(curve.feed_caps, limits), density), slack=slack)
