@@ -346,7 +346,7 @@ def test_chords_that_cannot_be_the_highest_are_left_out_and_change_nothing(monke
 
 
 def spiked_line(width, times):
-    """A line on which the jerk J = 20000 mm/s^3 is ``times`` J for ``width`` s; nodes at its ends, exact but for rounding."""
+    """A line on which the jerk J = 20000 mm/s^3 is ``times`` J for ``width`` s; its nodes are exact but for rounding."""
     steps = [(0.02, 1.0), (0.02, -1.0), (0.01, 0.5), (width, times), (0.01, 0.5), (0.02, -0.5)]
     h = np.array([step for step, _ in steps])
     jerk = 20000.0 * np.array([share for _, share in steps])

@@ -172,7 +172,7 @@ def scan(d, p, cartesian, rates, slack, ends, height, top, largest, jerk):
 
     ``ends (2, quantities, n)`` takes the values at the first and the last point; ``height, top (quantities, n)`` the peak
     of the sizes less their slack, and its point; ``largest (quantities,)`` is raised to the largest of these without the
-    parabola; ``jerk (dim, n)`` takes the peak of the axes' jerk, slack included.
+    parabola; ``jerk (dim, n)`` takes the peak of the axes' jerk less its slack.
     """
     spans, points = rates.shape[1:]
     count, dim = height.shape[0], d.shape[2]
@@ -191,7 +191,7 @@ def scan(d, p, cartesian, rates, slack, ends, height, top, largest, jerk):
                 less = size - granted[row]
                 used[row, k] = less if less < np.inf else np.inf
                 if row >= count - dim:
-                    jerks[row - count + dim, k] = size if size < np.inf else np.inf
+                    jerks[row - count + dim, k] = max(used[row, k], 0.0)
         for row in range(count):
             ends[1, row, i] = value[row]  # of the last point
             k = _highest(used[row])

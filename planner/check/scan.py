@@ -24,7 +24,7 @@ class Scan:
     largest : (quantities,)
         Largest size of each quantity at the points, less its slack.
     jerk : (dim, spans)
-        Largest |axis jerk| on each span.
+        Largest |axis jerk| on each span, less its slack: the digits of u, which the mean jerk of an interval does not have.
     steps : (2, spans + 1, dim)
         Steps of axis velocity and acceleration where spans meet; first and last entry: against a standstill.
     """

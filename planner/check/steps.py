@@ -113,7 +113,7 @@ def _sampled_steps(at: FloatArray, t: FloatArray, steps: FloatArray, period: flo
 
 
 def _jerk_near(motion: Motion, scan: Scan, t: FloatArray, reach: float, density: int) -> FloatArray:
-    """Largest |axis jerk| (m, dim) within ``reach`` of each time; spans that the window cuts are measured again."""
+    """Largest |axis jerk| less its slack (m, dim) within ``reach`` of each time; cut spans are measured again."""
     dim, spans = motion.curve.dim, motion.interval.size
     every = np.arange(spans)
     begin, end = motion.time(every, motion.lower), motion.time(every, motion.upper)
@@ -131,7 +131,8 @@ def _jerk_near(motion: Motion, scan: Scan, t: FloatArray, reach: float, density:
             window = (t[some] + reach * np.array([[-1.0], [1.0]]) - motion.law.start[i]) / motion.law.h[i]
             lower, upper = np.clip(window, motion.lower[span], motion.upper[span])[:, :, None]
             x = np.where(share == 1.0, upper, lower + (upper - lower) * share)
-            height = peaks(np.abs(motion.measure(span, x)[0][-dim:]))[0].T
+            values, slack = motion.measure(span, x)
+            height = peaks(np.maximum(np.abs(values[-dim:]) - slack[-dim:], 0.0))[0].T
             largest[some] = np.maximum(largest[some], height)
     return largest
 
