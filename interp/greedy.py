@@ -427,7 +427,7 @@ def _path(curve: Curve) -> Path:
     u0, u1 = curve.domain
     breaks = (pieces.breaks - u0) / (u1 - u0)
     breaks[0], breaks[-1] = 0.0, 1.0
-    return breaks, pieces.coefficients, pieces.rational
+    return breaks, pieces.powers, pieces.rational
 
 
 def _teardrop() -> Path:

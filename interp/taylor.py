@@ -87,7 +87,7 @@ class InterpolatorTable:
             If the curve parameter of the plan falls back somewhere.
         """
         axes = profile.curve.pieces
-        pieces = packed_pieces(axes.breaks, axes.coefficients, rational=axes.rational)
+        pieces = packed_pieces(axes.breaks, axes.powers, rational=axes.rational)
         return cls(_segments(profile, axes.breaks), pieces, *_course(profile))
 
     @property
@@ -231,7 +231,7 @@ def packed_curve(curve: Curve) -> FloatArray:
     """
     axes, tip = curve.pieces, curve.tip.pieces
     if curve.tip is curve:
-        return packed_pieces(axes.breaks, axes.coefficients, rational=axes.rational)
+        return packed_pieces(axes.breaks, axes.powers, rational=axes.rational)
     breaks = np.union1d(axes.breaks, tip.breaks)
     return packed_pieces(breaks, _refined(axes, breaks), _refined(tip, breaks))
 
@@ -263,8 +263,8 @@ def _refined(pieces: Pieces, breaks: FloatArray) -> FloatArray:
     owner = np.searchsorted(pieces.breaks, breaks[:-1], side="right") - 1
     width = np.diff(pieces.breaks)[owner]
     lo, scale = (breaks[:-1] - pieces.breaks[owner]) / width, np.diff(breaks) / width
-    powers = pieces.coefficients.shape[2]
-    shifted = _expanded(pieces.coefficients[owner].transpose(2, 0, 1), lo[:, None])
+    powers = pieces.powers.shape[2]
+    shifted = _expanded(pieces.powers[owner].transpose(2, 0, 1), lo[:, None])
     shifted *= scale[:, None] ** np.arange(powers)[:, None, None]
     return np.ascontiguousarray(shifted.transpose(1, 2, 0))
 

@@ -10,6 +10,7 @@ passed slowly anyway, but the whole section pays for it; the plan says so.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planner.check.chords import profile_chord
 from planner.check.motion import Motion, TimeLaw
@@ -19,7 +20,7 @@ from planner.limits import Limits
 from planner.profile import evaluate_law
 
 MET_CHORD = 1.0 + 2e-7
-_MOST_PASSES = 24
+_MOST_PASSES = 24  # of one section
 _LARGEST_STEP = 3.0  # of the slowing down in one pass
 _BEYOND = 1e-6
 _PARTS = 16  # of a period
@@ -58,7 +59,7 @@ def chord_shares(curve: Curve, limits: Limits, nodes: TimeNodes) -> tuple[FloatA
     return np.asarray(times[: covering.size], dtype=np.float64), np.asarray(covering[: times.size], dtype=np.float64)
 
 
-def slowed_for_chords(curve: Curve, limits: Limits, parts: list[TimeNodes], may_slow: list[bool]) -> FloatArray:
+def slowed_for_chords(curve: Curve, limits: Limits, parts: list[TimeNodes], may_slow: NDArray[np.bool_]) -> FloatArray:
     """Factors (k,) by which the sections of a plan have to be slowed down until its true chord error is kept.
 
     Parameters
@@ -67,19 +68,23 @@ def slowed_for_chords(curve: Curve, limits: Limits, parts: list[TimeNodes], may_
     limits : Limits
     parts : list of TimeNodes
         The sections in their order.
-    may_slow : list of bool
+    may_slow : (k,) bool array
         Sections without a prescribed feed; where the error is in another one, nothing more can be done.
     """
     factors = np.ones(len(parts))
     if np.isinf(limits.chord_error):
         return factors
-    ends = np.array([part.u[-1] for part in parts])
-    for _ in range(_MOST_PASSES):
+    passes = np.zeros(len(parts), dtype=np.intp)
+    while passes.max() < _MOST_PASSES:
         nodes = joined([part.dilated(factor) for part, factor in zip(parts, factors, strict=True)])
-        worst, (_, u) = profile_chord(Motion.of(curve, TimeLaw.of(nodes)), limits.period)
+        worst, (t, _) = profile_chord(Motion.of(curve, TimeLaw.of(nodes)), limits.period)
         share = worst / limits.chord_error
-        at = min(int(np.searchsorted(ends, u)), len(parts) - 1)
-        if share <= MET_CHORD or not may_slow[at]:
+        # A chord may begin in one section and end in the next.
+        ends = np.cumsum([factor * part.t[-1] for part, factor in zip(parts, factors, strict=True)])[:-1]
+        first, last = np.searchsorted(ends, [t - limits.period, t + limits.period])
+        at = np.arange(first, last + 1)
+        if share <= MET_CHORD or not may_slow[at].all():
             break
+        passes[at] += 1
         factors[at] *= min(np.sqrt(share), _LARGEST_STEP) * (1.0 + _BEYOND)
     return factors

@@ -266,12 +266,15 @@ def _soften_jumps(
     """Lower the cap at curvature jumps and halve the jerk within three periods of them."""
     first = grid.left[np.searchsorted(grid.u[grid.left], [b.u for b in section.jumps])]
     at = grid.sigma[first]
-    step = path.axes[2, 2 * first + 2] - path.axes[2, 2 * first]
+    # The tip's arc length bends with the axes where these are weighted: sigma is that of the machine axes.
+    every = np.concatenate([path.axes, path.tip[:, :, None]], axis=2)
+    jerk = np.append(limits.jerk, limits.tangential_jerk)
+    step = every[2, 2 * first + 2] - every[2, 2 * first]
     slope = np.abs(path.axes[1, 2 * first])
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        alone = np.min(STEP_SHARE * limits.jerk * limits.period / np.abs(step), axis=1)
+        alone = np.min(STEP_SHARE * jerk * limits.period / np.abs(step), axis=1)
         gain = np.min(limits.acceleration / slope, axis=1)
-    passed = _together(at, step, np.minimum(alone, cap[2 * first]), limits)
+    passed = _together(at, step / jerk, np.minimum(alone, cap[2 * first]), limits.period)
     for k in (0, 1, 2):
         cap[2 * first + k] = np.minimum(cap[2 * first + k], passed)
     # Within three periods the plan cannot go further than at the break's feed plus three periods of acceleration.
@@ -284,19 +287,19 @@ def _soften_jumps(
     rows_j[:, :, np.cumsum(edges[:-1]) > 0] /= _JERK_COLLOCATED
 
 
-def _together(at: FloatArray, step: FloatArray, alone: FloatArray, limits: Limits) -> FloatArray:
-    """Largest x at jumps (m,) of q'' by ``step`` (m, dim), given those at which each alone may be passed.
+def _together(at: FloatArray, step: FloatArray, alone: FloatArray, period: float) -> FloatArray:
+    """Largest x at jumps (m,) of q'' by ``step`` (m, k) jerk limits, given those at which each alone may be passed.
 
-    At constant sigma_dot the jumps k are seen in the samples as the jerk x / T sum_k step_k B((sigma - sigma_k) /
+    At constant sigma_dot the jumps i are seen in the samples as the jerk x / T sum_i step_i B((sigma - sigma_i) /
     (T sqrt(x))), B the quadratic B-spline.  Jumps further apart than its support of three periods do not meet.
     """
     found = alone.copy()
     gap = np.diff(at, prepend=-np.inf, append=np.inf)
-    reach = 2.0 * PERIODS_AROUND_STEP * limits.period * np.sqrt(alone)
+    reach = 2.0 * PERIODS_AROUND_STEP * period * np.sqrt(alone)
     close = np.flatnonzero((np.minimum(gap[1:], gap[:-1]) < reach) & np.isfinite(alone))
 
     def share(i: NDArray[np.intp], x: FloatArray) -> FloatArray:
-        width = limits.period * np.sqrt(x)
+        width = period * np.sqrt(x)
         centre = at[i, None] + _PHASES * width[:, None]
         total = np.zeros((i.size, _PHASES.size, step.shape[1]))
         lo = np.searchsorted(at, centre[:, 0] - 1.5 * width)
@@ -306,7 +309,7 @@ def _together(at: FloatArray, step: FloatArray, alone: FloatArray, limits: Limit
             z = np.abs(centre - at[j, None]) / width[:, None]
             spline = np.where(z <= 0.5, 0.75 - z**2, 0.5 * np.maximum(1.5 - z, 0.0) ** 2)
             total += np.where((lo + k < hi)[:, None], spline, 0.0)[:, :, None] * step[j, None, :]
-        return np.asarray((np.abs(total).max(axis=1) / limits.jerk).max(axis=1) * x / limits.period)
+        return np.asarray(np.abs(total).max(axis=(1, 2)) * x / period)
 
     for some in np.array_split(close, max(1, close.size // _JUMPS_AT_ONCE)):
         meets = some[share(some, found[some]) > JERK_BESIDE_STEP] if some.size else some

@@ -52,6 +52,8 @@ _ROUNDING_SHARE = 1e-3
 # The same where only nodes as close as that follow the path, with room for the rest of the jerk.
 SHORTEST_SHARE = 10.0
 _LEAST_RESOLVABLE = 200
+# Of the length of a section that a digit of u may be worth, and the fewest intervals that it must resolve.
+_LARGEST_DIGIT, _FEWEST_RESOLVED = 1e-5, 24
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,7 +179,9 @@ def scan(section: Section, limits: Limits, intervals: int, *, follow: bool = Fal
     per_tip_feed = np.divide(1.0, ratio, out=np.full_like(ratio, np.inf), where=ratio > 0.0)
     feed = _reachable(section, ceiling, way, acceleration, jerk, per_tip_feed)
     _require_feed(section, u, feed, speed)
-    return Scan(y, length, feed, ceiling, _accumulate(kappa, length), acceleration, jerk, speed, u, dips)
+    found = Scan(y, length, feed, ceiling, _accumulate(kappa, length), acceleration, jerk, speed, u, dips)
+    _require_digits(section, found)
+    return found
 
 
 def _require_feed(section: Section, u: FloatArray, feed: FloatArray, speed: FloatArray) -> None:
@@ -187,6 +191,19 @@ def _require_feed(section: Section, u: FloatArray, feed: FloatArray, speed: Floa
         raise CurveError(
             f"{section.curve.name}: no feed is left at u = {u[held[0]]:.9g}, where |C'| = {speed[held[0]]:.3g}: its "
             "curvature there is beyond double precision; split the curve there, or move the control points around it"
+        )
+
+
+def _require_digits(section: Section, guess: Scan) -> None:
+    """Refuse a path of which u, in double precision, does not tell the points, or not the jerk between a few."""
+    digit = np.spacing(np.abs(guess.u)) * guess.speed
+    at = int(digit.argmax())
+    share = digit[at] / guess.length[-1]
+    if share > _LARGEST_DIGIT or _resolved(guess) < _FEWEST_RESOLVED:
+        raise CurveError(
+            f"{section.curve.name}: a digit of u is worth {share:.2g} of the path between u = {section.u_start!r} and "
+            f"{section.u_end!r}, too much for a plan at these limits; let the parameter begin near 0, or spread it more "
+            "evenly"
         )
 
 
@@ -424,15 +441,24 @@ def resolvable(guess: Scan) -> int:
 
     See :func:`least_times`.
     """
-    time, least = guess.time, least_times(guess, _ROUNDING_SHARE)
-    per_node = 0.5 * (least[1:] + least[:-1])
-    count = np.sum(np.diff(time)[per_node > 0.0] / (2.0 * per_node[per_node > 0.0]))
-    if not np.isfinite(count):
+    count = _resolved(guess)
+    if np.isnan(count):
         raise InfeasibleError(
             "the limits leave no feed that can be told from 0 on some of the path; a period, a chord error, a velocity, an "
             "acceleration or a jerk is too small or too large for it by many orders of magnitude"
         )
-    return int(np.clip(count, _LEAST_RESOLVABLE, 1e9)) if (per_node > 0.0).any() else 10**9
+    return int(np.clip(count, _LEAST_RESOLVABLE, 1e9))
+
+
+def _resolved(guess: Scan) -> float:
+    """Number of intervals that rounding leaves, inf where it has no part, nan where the limits leave no feed."""
+    least = least_times(guess, _ROUNDING_SHARE)
+    per_node = 0.5 * (least[1:] + least[:-1])
+    some = per_node > 0.0
+    if not some.any():
+        return np.inf
+    count = float(np.sum(np.diff(guess.time)[some] / (2.0 * per_node[some])))
+    return count if np.isfinite(count) else np.nan
 
 
 def _breaks(section: Section) -> FloatArray:

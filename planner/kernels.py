@@ -10,8 +10,8 @@ from planner.geometry.kernels import FLAG, FLAGS2, NOTHING, READ1, READ2, READ3,
 _MOST_PARTS = 80  # that an interval is cut into
 _PARABOLA = 0.07  # its error through four points, against their third difference: max |x (x^2 - 1)| / 6
 _PRECISE = 3e-7  # as a share of a limit
-# (breaks, coefficients, rational, resting) of the pieces of a curve
-PIECES = types.Tuple((READ1, READ3, FLAG, FLAGS2))
+# (breaks, coefficients, rational, resting, origin) of the pieces of a curve
+PIECES = types.Tuple((READ1, READ3, FLAG, FLAGS2, READ2))
 
 
 @njit(forceinline=True, error_model="numpy")
@@ -147,9 +147,9 @@ def shares(axes, tip, cartesian, quintic, spans, rows, scalars, out):
                 out[3, i] = max(out[3, i], -u1)
                 # A point that rounds to the end of its stretch must not be read from beyond it.
                 left = u >= stretch_end
-                piece = point_on_pieces(axes[0], axes[1], axes[2], axes[3], u, left, piece, q)
+                piece = point_on_pieces(axes[0], axes[1], axes[2], axes[3], axes[4], u, left, piece, q)
                 if not cartesian:
-                    tip_piece = point_on_pieces(tip[0], tip[1], tip[2], tip[3], u, left, tip_piece, p)
+                    tip_piece = point_on_pieces(tip[0], tip[1], tip[2], tip[3], tip[4], u, left, tip_piece, p)
                 _shares_at(q, p, u1, u2, u3, feed, per_limit, scalars, new)
                 if n == 0:
                     _grant(q, p, spans[4, i], h, feed, per_limit, scalars, granted)

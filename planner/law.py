@@ -278,7 +278,8 @@ def _chunk(
     scalars = np.array([limits.chord_error, limits.period, limits.tangential_acceleration, limits.tangential_jerk])
     out = np.empty((4, index.size))
     axes, tip = (
-        (part.breaks, part.coefficients, part.rational, part.resting) for part in (curve.pieces, curve.tip.pieces)
+        (part.breaks, part.coefficients, part.rational, part.resting, part.origin)
+        for part in (curve.pieces, curve.tip.pieces)
     )
     shares(axes, tip, curve.tip is curve, quintic, spans, rows, scalars, out)
     return out

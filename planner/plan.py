@@ -297,7 +297,7 @@ def _require_worth(section: Section, plan: SectionPlan) -> None:
 
 def _hold_chords(curve: Curve, limits: Limits, sections: list[Section], plans: list[SectionPlan]) -> list[SectionPlan]:
     """Slow down the sections in which the true chord error is too large, and say so."""
-    may_slow = [not section.has_prescribed_feed for section in sections]
+    may_slow = np.array([not section.has_prescribed_feed for section in sections])
     factors = slowed_for_chords(curve, limits, [plan.nodes for plan in plans], may_slow)
     if (factors > 1.0).any():
         plans = [hold_chords(plan) if factor > 1.0 else plan for plan, factor in zip(plans, factors, strict=True)]

@@ -314,3 +314,20 @@ def test_a_node_a_rounding_beside_a_knot_lies_on_it(circle):
         report = check(circle, limits, profile_on(circle, limits, nodes))
         assert report.ok
         assert max(report.row("acceleration step", axis).worst for axis in "XY") < 1e-6
+
+
+@pytest.mark.parametrize("share", [0.99, 1.01])
+def test_a_step_of_the_tangential_acceleration_is_found_where_the_curvature_jumps(line_arc, share):
+    """A step D that alone, sampled, would use up the tangential jerk J is 4/3 J T."""
+    limits = unlimited(tangential_jerk=20000.0)
+    step = share * 4.0 / 3.0 * 20000.0 * limits.period
+    v, straight, rest = 20.0, 40.0, 0.1
+    times = np.array([0.0, straight / v, straight / v + rest])
+    s = np.array([0.0, straight, straight + v * rest + 0.5 * step * rest**2])
+    t, u, rate, change = lift(line_arc, (times, s, np.array([v, v, v + step * rest]), np.array([0.0, 0.0, step])))
+    assert u[1] == u[2] == 0.5
+    change[2] += step / np.sqrt(np.sum(line_arc.derivatives(0.5, 1)[1] ** 2))
+    row = check(line_arc, limits, profile_on(line_arc, limits, (t, u, rate, change))).row("tangential step")
+    assert row.worst == pytest.approx(step, rel=1e-6)
+    assert row.t == pytest.approx(straight / v)
+    assert row.ok is (share < 1.0)

@@ -218,3 +218,19 @@ def test_extreme_but_valid_definitions_load():
     assert quadratic(control_points=1e8 * np.array([[0, 0], [1, 2], [3, 1], [4, 0]])).length > 4e8
     assert quadratic(knots=[0, 0, 0, 0.5, 1, 1, 10**20]).domain == (0.0, 1.0)
     assert random_nurbs(1, MAX_DEGREE, 2, spans=1).length > 10.0
+
+
+@pytest.mark.parametrize("weights", [(1e3, 1e-3), (1.0, 1.0 + 1e-9), (1e-3, 1e3)])
+@pytest.mark.parametrize("offset", [0.0, 4.0, 1e6])
+def test_derivatives_of_a_rational_line_are_exact_far_from_0(weights, offset):
+    """C = (w0 (1 - t) P0 + w1 t P1) / w: C' = w0 w1 (P1 - P0) / w^2, C'' = -2 C' w' / w, however small they are."""
+    curve = NurbsCurve([[offset, 0.0], [offset + 0.5, 0.25]], [0, 0, 1, 1], 1, list(weights))
+    u = np.array([0.0, 1e-9, 1e-3, 0.25])
+    w0, w1 = weights
+    w = w0 * (1.0 - u) + w1 * u
+    exact = w0 * w1 * np.array([0.5, 0.25]) / w[:, None] ** 2
+    d = curve.derivatives(u, 2)
+    np.testing.assert_allclose(d[1], exact, rtol=1e-9 * (1.0 if weights[0] < weights[1] else 1e-4))
+    np.testing.assert_allclose(d[2], -2.0 * exact * ((w1 - w0) / w)[:, None], rtol=1e-6)
+    np.testing.assert_allclose(d[0], offset * np.array([1.0, 0.0]) + (w1 * u / w)[:, None] * [0.5, 0.25], rtol=1e-14)
+    np.testing.assert_allclose(curve.pieces.powers[:, 0, 0] / curve.pieces.powers[:, 2, 0], offset, atol=0.5, rtol=1e-9)

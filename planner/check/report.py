@@ -25,6 +25,7 @@ _UNITS = {
     "tangential jerk": "mm/s^3",
     "velocity step": "/s",
     "acceleration step": "/s^2",
+    "tangential step": "mm/s^2",
     "step on a smooth path": "/s^2",
     "jerk at a curvature break": "/s^3",
     "reversal": "1/s",
@@ -49,7 +50,7 @@ class Row:
     limit : str
         "feed", "programmed feed" (against the curve's own caps), "chord error", "velocity", "acceleration", "jerk",
         "tangential acceleration", "tangential jerk",
-        "velocity step", "acceleration step", "step on a smooth path", "jerk at a curvature break",
+        "velocity step", "acceleration step", "tangential step", "step on a smooth path", "jerk at a curvature break",
         "exact stop", "acceleration at an exact stop"; or what makes the plan one at all: "reversal", "path start",
         "path end", "path error", "position step", "table columns" (largest error over what rounding grants),
         "binding limit" (nodes that name another limit than the one used most), "finite values", "time order",

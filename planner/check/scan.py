@@ -11,6 +11,7 @@ from planner.check.motion import Motion
 from planner.check.peaks import Highest, IntArray, chunks, zoom
 from planner.check.quantities import axis_rows, names, sizes_of
 from planner.check.report import Place
+from planner.check.sizes import VELOCITY_STEP
 from planner.geometry.curve import FeedCaps, FloatArray
 from planner.limits import Limits
 
@@ -27,6 +28,8 @@ class Scan:
         Largest |axis jerk| on each span, less its slack: the digits of u, which the mean jerk of an interval does not have.
     steps : (2, spans + 1, dim)
         Steps of axis velocity and acceleration where spans meet; first and last entry: against a standstill.
+    along : (spans + 1,)
+        Steps of the tangential acceleration there; where the tip comes to rest, which may turn it back, those of its size.
     """
 
     top_span: IntArray
@@ -34,6 +37,7 @@ class Scan:
     largest: FloatArray
     jerk: FloatArray
     steps: FloatArray
+    along: FloatArray
 
 
 def scan_spans(motion: Motion, density: int) -> Scan:
@@ -46,6 +50,7 @@ def scan_spans(motion: Motion, density: int) -> Scan:
     largest = np.zeros(count)
     jerk = np.empty((dim, spans))
     steps = np.zeros((2, spans + 1, dim))
+    before, after = np.zeros((2, spans + 1)), np.zeros((2, spans + 1))
     for span in chunks(spans, density):
         x = motion.grid(span, density)
         ends, height = np.empty((2, count, span.size)), np.empty((count, span.size))
@@ -56,9 +61,12 @@ def scan_spans(motion: Motion, density: int) -> Scan:
             first, last = ends[:, axis_rows(dim, k)]
             steps[k, span] += first.T
             steps[k, span + 1] -= last.T
+        after[:, span], before[:, span + 1] = ends[0, :2], ends[1, :2]
         for kept, heights, at in zip(tops, height, top, strict=True):
             kept.offer(heights, span, x[np.arange(span.size), at])
-    return Scan(np.stack([top.index for top in tops]), np.stack([top.x for top in tops]), largest, jerk, steps)
+    rests = np.minimum(before[0], after[0]) <= VELOCITY_STEP * largest[0]
+    along = np.where(rests, np.abs(after[1]) - np.abs(before[1]), after[1] - before[1])
+    return Scan(np.stack([top.index for top in tops]), np.stack([top.x for top in tops]), largest, jerk, steps, along)
 
 
 def worst_of(motion: Motion, scan: Scan, density: int) -> Iterator[tuple[str, int, float, float, Place]]:

@@ -7,7 +7,7 @@ import numpy as np
 from planner.check.motion import Motion
 from planner.check.peaks import CANDIDATES, chunks, peaks, zoom
 from planner.check.places import Places
-from planner.check.quantities import axis_rows
+from planner.check.quantities import axis_rows, names
 from planner.check.report import Rows
 from planner.check.scan import Scan
 from planner.check.sizes import VELOCITY_STEP, group_sizes
@@ -28,12 +28,12 @@ def check_steps(motion: Motion, scan: Scan, limits: Limits, rows: Rows, density:
     velocity, acceleration = (group_sizes(motion.curve, scan.largest[axis_rows(dim, k)]) for k in range(2))
     t = np.append(motion.time(np.arange(motion.interval.size), motion.lower), motion.law.start[-1] + motion.law.h[-1])
     u = np.append(motion.u_ends[0], motion.u_ends[1, -1])
-    steps = scan.steps.copy()
+    steps, along = scan.steps.copy(), np.abs(scan.along)
     # A controller holds the first and the last point.  A plan that begins (ends) at speed continues another one, so
     # there is nothing to compare with; from a standstill, an acceleration at once is a step like any other.
     for end in (0, -1):
         if (np.abs(steps[0, end]) > VELOCITY_STEP * velocity).any():
-            steps[1, end] = 0.0
+            steps[1, end] = along[end] = 0.0
         steps[0, end] = 0.0
     sizes = np.abs(steps)
     for j in range(dim):
@@ -45,6 +45,9 @@ def check_steps(motion: Motion, scan: Scan, limits: Limits, rows: Rows, density:
         # The step that alone, once sampled, would use up the jerk.
         alone = limits.jerk[j] * period / _STEP_PEAK
         rows.add("acceleration step", sizes[1, k, j], alone, (t[k], u[k]), slack=slack, j=j)
+    k, size = int(along.argmax()), float(scan.largest[names(dim).index(("tangential acceleration", -1))])
+    alone = limits.tangential_jerk * period / _STEP_PEAK
+    rows.add("tangential step", along[k], alone, (t[k], u[k]), slack=_ACCELERATION_STEP * size)
     found = np.flatnonzero((sizes[1] > _ACCELERATION_STEP * acceleration).any(axis=1))
     if found.size == 0:
         return

@@ -144,7 +144,7 @@ class ChainCurve(Curve):
         order = np.argsort(starts, kind="stable")
         powers = np.ascontiguousarray(powers[order])
         resting = np.asarray(~powers[:, :-1, 1:].any(axis=2))
-        return Pieces(np.append(starts[order], self.edges[-1]), powers, False, resting)
+        return Pieces(np.append(starts[order], self.edges[-1]), powers, False, resting, np.zeros(resting.shape))
 
     @cached_property
     def _is_curved(self) -> NDArray[np.bool_]:

@@ -81,21 +81,33 @@ class Pieces:
     breaks : (m + 1,) array
         Parameters at which the pieces join, increasing.
     coefficients : (m, dim + 1, degree + 1) array
-        Ascending powers of the local parameter in [0, 1]; the last row of each piece is the denominator.
+        Ascending powers of the local parameter in [0, 1], of the place from the piece's origin; the last row of each piece
+        is the denominator.
     rational : bool
         False where every denominator is 1.
     resting : (m, dim) bool array
         Coordinates that have one value all over a piece.
+    origin : (m, dim) array
+        Of a rational piece its start: the quotient rule takes the place times D' from N', which far from 0, or with weights
+        far apart, would leave of a derivative what rounding does.  0 where the pieces are polynomials.
     """
 
     breaks: FloatArray
     coefficients: FloatArray
     rational: bool
     resting: NDArray[np.bool_]
+    origin: FloatArray
 
     def __post_init__(self) -> None:
-        for array in (self.breaks, self.coefficients, self.resting):
+        for array in (self.breaks, self.coefficients, self.resting, self.origin):
             array.setflags(write=False)
+
+    @cached_property
+    def powers(self) -> FloatArray:
+        """Coefficients with the place itself for a numerator, (m, dim + 1, degree + 1)."""
+        powers = self.coefficients.copy()
+        powers[:, :-1] += self.origin[:, :, None] * powers[:, -1:]
+        return powers
 
     def evaluate(self, u: FloatArray, order: int, left: NDArray[np.bool_] | bool) -> FloatArray:
         """Evaluate derivatives 0..order at the flat array u, from the left where asked; ``(order + 1, n, dim)``."""
@@ -103,7 +115,7 @@ class Pieces:
 
         out = np.empty((order + 1, u.size, self.coefficients.shape[1] - 1))
         sides = np.full(u.size, left) if isinstance(left, bool) else left
-        evaluate_pieces(self.breaks, self.coefficients, self.rational, self.resting, u, sides, order, out)
+        evaluate_pieces(self.breaks, self.coefficients, self.rational, self.resting, self.origin, u, sides, order, out)
         return out
 
 
@@ -277,7 +289,8 @@ class AxesSubset(Curve):
         whole = self.parent.pieces
         rows = [*self.columns, self.parent.dim]
         resting = np.ascontiguousarray(whole.resting[:, list(self.columns)])
-        return Pieces(whole.breaks, np.ascontiguousarray(whole.coefficients[:, rows]), whole.rational, resting)
+        origin = np.ascontiguousarray(whole.origin[:, list(self.columns)])
+        return Pieces(whole.breaks, np.ascontiguousarray(whole.coefficients[:, rows]), whole.rational, resting, origin)
 
     def definition(self) -> Mapping[str, Any]:
         """Parent and columns."""

@@ -284,7 +284,7 @@ def _spline(one: _Drawn, points: FloatArray) -> _Piece:
     count = len(points) + one.degree + 1
     knots, weights = list(one.numbers[:count]), list(one.numbers[count:]) or None
     curve = NurbsCurve(points, knots, one.degree, weights, None, one.label)
-    power = curve.pieces.coefficients
+    power = curve.pieces.powers
     p = power.shape[2] - 1
     matrix = np.array([[comb(j, i) / comb(p, i) if i <= j else 0.0 for i in range(p + 1)] for j in range(p + 1)])
     return _Piece(np.einsum("ji,mci->mjc", matrix, power), np.diff(curve.pieces.breaks), one.label)

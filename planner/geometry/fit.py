@@ -143,7 +143,7 @@ def _join(done: list[tuple[FloatArray, FloatArray]], end: float) -> Pieces:
     coefficients[:, :-1] = power[order].transpose(0, 2, 1)
     coefficients[:, -1, 0] = 1.0
     resting = np.asarray(~coefficients[:, :-1, 1:].any(axis=2))
-    return Pieces(np.append(starts[order], end), coefficients, False, resting)
+    return Pieces(np.append(starts[order], end), coefficients, False, resting, np.zeros(resting.shape))
 
 
 def _nodes_to_series() -> FloatArray:

@@ -2,10 +2,10 @@
 
 Two data structures reach compiled code, both plain arrays:
 
-*Pieces* (m of them): ``breaks (m+1,)`` and ``coefficients (m, d+1, p+1)``.  On piece i, with the local parameter
-``w = (u - breaks[i]) / (breaks[i+1] - breaks[i])`` in [0, 1], coordinate j is the ratio of two polynomials in w,
-``coefficients[i, j, :]`` over ``coefficients[i, d, :]`` (ascending powers).  Where the curve is polynomial the
-denominator is not looked at.  ``resting (m, d)`` says which coordinates have one value all over a piece.
+*Pieces* (m of them): ``breaks (m+1,)``, ``coefficients (m, d+1, p+1)`` and ``origin (m, d)``.  On piece i, with the local
+parameter ``w = (u - breaks[i]) / (breaks[i+1] - breaks[i])`` in [0, 1], coordinate j is ``origin[i, j]`` and the ratio of
+two polynomials in w, ``coefficients[i, j, :]`` over ``coefficients[i, d, :]`` (ascending powers).  Where the curve is
+polynomial the denominator is not looked at.  ``resting (m, d)`` says which coordinates have one value all over a piece.
 
 *Panels* (m of them): ``edges (m+1,)`` in u, ``lengths (m+1,)`` accumulated, and per panel the Chebyshev series of the
 length since the panel's left edge.
@@ -71,11 +71,11 @@ def find_piece(breaks, u, left, guess):
 
 
 @njit(forceinline=True, error_model="numpy")
-def point_on_pieces(breaks, coefficients, rational, resting, u, left, guess, out):
+def point_on_pieces(breaks, coefficients, rational, resting, origin, u, left, guess, out):
     """Write the derivatives 0..3 of the curve at one parameter into ``out (4, d)``; returns the piece, tried first next.
 
     Horner with Taylor coefficients on each coordinate, then the quotient rule: with numerator N, denominator D, C = N/D
-    and coefficients N_k = N^(k)/k!,  D C_k = N_k - sum_{i=1..k} D_i C_(k-i).
+    from the origin and coefficients N_k = N^(k)/k!,  D C_k = N_k - sum_{i=1..k} D_i C_(k-i).
     """
     dim = coefficients.shape[1] - 1
     piece = find_piece(breaks, u, left, guess)
@@ -95,21 +95,21 @@ def point_on_pieces(breaks, coefficients, rational, resting, u, left, guess, out
         if resting[piece, j]:
             # The quotient rule leaves rounding where a coordinate rests, and a direction made of rounding is none.
             c1 = c2 = c3 = 0.0
-        out[0, j] = c0
+        out[0, j] = origin[piece, j] + c0
         out[1, j] = c1 * scale
         out[2, j] = 2.0 * c2 * scale * scale
         out[3, j] = 6.0 * c3 * scale * scale * scale
     return piece
 
 
-@njit(NOTHING(READ1, READ3, FLAG, FLAGS2, READ1, FLAGS, I64, WRITE3), cache=True, error_model="numpy")
-def evaluate_pieces(breaks, coefficients, rational, resting, u, left, order, out):
+@njit(NOTHING(READ1, READ3, FLAG, FLAGS2, READ2, READ1, FLAGS, I64, WRITE3), cache=True, error_model="numpy")
+def evaluate_pieces(breaks, coefficients, rational, resting, origin, u, left, order, out):
     """Write the derivatives 0..order of the curve at every u into ``out (order+1, n, d)``, from the left where asked."""
     dim = coefficients.shape[1] - 1
     point = np.empty((4, dim))
     piece = 0
     for n in range(u.size):
-        piece = point_on_pieces(breaks, coefficients, rational, resting, u[n], left[n], piece, point)
+        piece = point_on_pieces(breaks, coefficients, rational, resting, origin, u[n], left[n], piece, point)
         for k in range(order + 1):
             for j in range(dim):
                 out[k, n, j] = point[k, j]

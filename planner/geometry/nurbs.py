@@ -19,8 +19,8 @@ from planner.geometry.curve import DEFAULT_AXES, Curve, FloatArray, Pieces, Side
 from planner.geometry.inputs import numbers, shorten
 
 MAX_DEGREE = 100  # a bound on the work; the digits would last longer
-# Sum of a denominator's coefficients against its value: loses 3 of 16 digits.
-_LARGEST_CANCELLATION = 1e3
+# Sum of a denominator's coefficients against its value: loses one of 16 digits.
+_LARGEST_CANCELLATION = 8.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,12 +107,6 @@ class NurbsCurve(Curve):
         u0, u1 = self.domain
         return np.unique(self.knots[(self.knots >= u0) & (self.knots <= u1)])
 
-    def _resting(self, starts: FloatArray) -> NDArray[np.bool_]:
-        """Whether an axis has one and the same value on the spans in which pieces start, (m, dim)."""
-        span = np.searchsorted(self.knots, starts, side="right") - 1
-        acting = self.control_points[span[:, None] + np.arange(-self.degree, 1)]
-        return np.asarray(np.ptp(acting, axis=1) == 0.0)
-
     @cached_property
     def pieces(self) -> Pieces:
         """The curve as power-basis pieces, exact but for rounding.
@@ -123,26 +117,39 @@ class NurbsCurve(Curve):
         are halved until they no longer cancel.
         """
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            homogeneous = np.column_stack([self.control_points * self.weights[:, None], self.weights])
             breaks = _subdivide(self._spans, max(1, (self.degree - 1) // 2))
             rational = bool(np.any(self.weights != self.weights[0]))
             while rational:
-                denominator = self._taylor(homogeneous[:, -1:], breaks)[:, 0]
+                denominator = self._taylor(self._acting(self.weights[:, None], breaks), breaks)[:, 0]
                 least = np.minimum(denominator[:, 0], denominator.sum(axis=1))
                 cancels = np.abs(denominator).sum(axis=1) > _LARGEST_CANCELLATION * least
                 cancels &= np.diff(breaks) > 64.0 * np.spacing(np.abs(breaks).max())
                 if not cancels.any():
                     break
                 breaks = np.sort(np.append(breaks, 0.5 * (breaks[:-1] + breaks[1:])[cancels]))
-            coefficients = self._taylor(homogeneous, breaks)
+            points, weights = (self._acting(of, breaks) for of in (self.control_points, self.weights[:, None]))
+            origin = np.zeros((breaks.size - 1, self.dim))
+            if rational:
+                start = self._taylor(np.concatenate([points * weights, weights], axis=2), breaks)[:, :, 0]
+                origin = start[:, :-1] / start[:, -1:]
+                points = points - origin[:, None]
+            coefficients = self._taylor(np.concatenate([points * weights, weights], axis=2), breaks)
         if not rational:
             coefficients /= self.weights[0]
             coefficients[:, -1] = 0.0
             coefficients[:, -1, 0] = 1.0
-        return Pieces(breaks, coefficients, rational, self._resting(breaks[:-1]))
+        resting = np.asarray(np.ptp(points, axis=1) == 0.0)
+        return Pieces(breaks, coefficients, rational, resting, origin)
+
+    def _acting(self, rows: FloatArray, breaks: FloatArray) -> FloatArray:
+        """Rows (n, columns) of the degree + 1 control points that act on each piece, (m, degree + 1, columns)."""
+        span = np.searchsorted(self.knots, breaks[:-1], side="right") - 1
+        return np.asarray(rows[span[:, None] + np.arange(-self.degree, 1)])
 
     def _taylor(self, points: FloatArray, breaks: FloatArray) -> FloatArray:
         """Taylor coefficients (m, columns, degree + 1) at the start of each piece, in units of its width.
+
+        ``points``: those that act on each piece, (m, degree + 1, columns).
 
         The k-th derivative there is a B-spline of the k-times differenced control points, so that each coefficient
         costs one de Boor evaluation and none is differenced from nearby numbers.
@@ -150,8 +157,8 @@ class NurbsCurve(Curve):
         p = self.degree
         span = np.searchsorted(self.knots, breaks[:-1], side="right") - 1
         width = np.diff(breaks)[:, None]
-        coefficients = np.empty((span.size, points.shape[1], p + 1))
-        differenced = points[span[:, None] + np.arange(-p, 1)]  # the p + 1 control points that act on a span
+        coefficients = np.empty((span.size, points.shape[2], p + 1))
+        differenced = points
         for k in range(p + 1):
             coefficients[:, :, k] = self._de_boor(differenced, span, breaks[:-1])
             if k < p:
