@@ -81,7 +81,8 @@ def certify(curve: Curve, limits: Limits, profile: FeedrateProfile, *, intervals
     InputError
         If the number of intervals is too small, or the limits do not match.
     SolverError
-        If the bound contradicts a plan that passes its check: an error of this program.
+        If the coordinate of the bound does not grow between two of its knots; or the bound contradicts a plan that
+        passes its check, an error of this program.
     """
     limits.require_matches(curve)
     if intervals is None:
@@ -129,7 +130,12 @@ def section_bound(section: Section, limits: Limits, intervals: int, pace: Pace, 
     ``intervals`` and ``pace`` are those of the plan.  nan where the path's numbers are too far apart for the method.
     """
     with np.errstate(all="ignore"):
-        bound = _certified(section, limits, max(_QUICK, intervals // _COARSER), pace, periodic=periodic, rounds=1)[0]
+        try:
+            bound = _certified(section, limits, max(_QUICK, intervals // _COARSER), pace, periodic=periodic, rounds=1)[
+                0
+            ]
+        except SolverError:
+            return np.nan
     return bound if np.isfinite(bound) and bound > 0.0 else np.nan
 
 
@@ -137,10 +143,17 @@ def _certified(
     section: Section, limits: Limits, intervals: int, pace: Pace, *, periodic: bool, rounds: int = ROUNDS
 ) -> tuple[float, Splines]:
     """Bound of a section, and the multipliers that prove it."""
-    guess = scan(section, limits, intervals)
+    # Knots that follow |C'|: within a cell it must not change so much that the sums over the cell do not see it.
+    guess = scan(section, limits, intervals, follow=True)
     has_jerk = np.isfinite(limits.jerk).any() or np.isfinite(limits.tangential_jerk)
     section = with_blends(section, guess) if has_jerk else replace(section, blend_start=0.0, blend_end=0.0)
-    track = Track.on(section, limits, place_knots(section, guess, intervals))
+    track = Track.on(section, limits, place_knots(section, guess, intervals, follow=True))
+    falling = track.falling
+    if falling.size:
+        raise SolverError(
+            f"no lower bound of {section.curve.name}: between its knots u = {track.u[0, falling[0]]:.9g} and "
+            f"{track.u[0, falling[0] + 1]:.9g} the coordinate of the bound does not grow; ask for more intervals"
+        )
     return best_splines(track, pace, periodic=periodic, rounds=rounds)
 
 

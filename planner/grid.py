@@ -387,7 +387,8 @@ def place_knots(section: Section, guess: Scan, intervals: int, *, follow: bool =
     for shift in (0, 1):  # the cells on either side of a dip
         cell = np.clip(np.searchsorted(sigma, dips) - shift, 0, spacing.size - 1)
         np.minimum.at(spacing, cell, _DIP_SHARE * guess.dips.width)
-    stretched = np.minimum(spacing, step * _stretched(guess, y)) if follow else spacing
+    with np.errstate(over="ignore"):
+        stretched = np.minimum(spacing, step * _stretched(guess, y)) if follow else spacing
     most = intervals + _DIP_KNOTS * dips.size
     count = _counted(sigma, step, spacing, mid, span)
     wanted = count[-1]

@@ -127,7 +127,7 @@ def plan_feedrate(
             plans.append(_plan_section(section, limits, method, periodic, began + budget, effort, progress))
         except SolverError as error:
             raise explained(curve, error, section.u_start, section.u_end) from None
-        _require_worth(section, plans[-1])
+        _require_worth(section, plans[-1], free=method == "optimal" and intervals is None)
     plans = _hold_chords(curve, limits, sections, plans)
     nodes = joined([plan.nodes for plan in plans])
     try:
@@ -277,8 +277,11 @@ def _plan_without_jerk(section: Section, limits: Limits, effort: Effort, periodi
     return SectionPlan(nodes, bound, stats)
 
 
-def _require_worth(section: Section, plan: SectionPlan) -> None:
-    """Refuse a curve of which a plan must be run many times slower than it was solved, where the curve is the reason."""
+def _require_worth(section: Section, plan: SectionPlan, *, free: bool) -> None:
+    """Refuse a curve of which a plan must be run many times slower than it was solved, where the curve is the reason.
+
+    Where refinement was ``free`` to choose the grid, the curve is the reason also where nothing about it stands out.
+    """
     slowdown = plan.stats.get("slowdown", 1.0)
     if slowdown <= _HARDLY_A_PLAN or section.has_prescribed_feed:
         return
@@ -293,6 +296,9 @@ def _require_worth(section: Section, plan: SectionPlan) -> None:
     )
     if isinstance(reason, CurveError):
         raise reason
+    if free:
+        place = plan.outcome.best.place if plan.outcome else section.u_start
+        raise CurveError(f"{reason}: near u = {place:.9g} no grid followed it; split the curve there")
 
 
 def _hold_chords(curve: Curve, limits: Limits, sections: list[Section], plans: list[SectionPlan]) -> list[SectionPlan]:

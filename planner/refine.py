@@ -47,7 +47,7 @@ _ACCEPTED_SLOWDOWN = 1.000002
 _UNBOUND = 0.03
 _MAX_ROUNDS, _CHORD_ROUNDS = 12, 16
 # Intervals times iterations of all rounds, at most: some seconds.
-_MOST_WORK, _WORK_PER_INTERVAL = 2_000_000, 1200
+_MOST_WORK, _WORK_PER_INTERVAL, _USUAL_ITERATIONS = 2_000_000, 1200, 60
 _IDLE_ROUNDS = 3
 # Slowing down is measured at points; the peaks between them are higher by less than this.
 PEAK_MARGIN = 5e-7
@@ -178,6 +178,7 @@ def _refined(task: Task, effort: Effort, most: int, *, follow: bool) -> Outcome:
     stage = Stage.on(task, place_knots(task.section, task.guess, wanted, follow=follow))
     spent = attempt.stats["solve_cpu_s"] if attempt else 0.0
     first, work, slowdown = 0.0, 0, np.inf
+    most_work = max(_MOST_WORK, _WORK_PER_INTERVAL * wanted)
     notes: list[str] = []
     found: Outcome | None = None
     for number in range(_MAX_ROUNDS):
@@ -195,13 +196,15 @@ def _refined(task: Task, effort: Effort, most: int, *, follow: bool) -> Outcome:
             found = Outcome(task, this, stage, attempt, spent, first, notes)
         idle = effort.free and number < _IDLE_ROUNDS and attempt.idle > _UNBOUND
         work += stage.grid.intervals * int(attempt.stats["iterations"])
-        if (this.is_accepted(task) and not idle) or work > max(_MOST_WORK, _WORK_PER_INTERVAL * wanted):
+        if (this.is_accepted(task) and not idle) or work > most_work:
             break
         if time.perf_counter() > task.deadline:
             break
         may_split = stage.grid.intervals < most and (idle or this.is_too_coarse(effort))
         stage, attempt = stage.next(task, attempt, this.used, may_split=may_split, number=number, before=slowdown)
         slowdown = this.slowdown
+        if work + _USUAL_ITERATIONS * stage.grid.intervals > most_work:
+            break
     if found is None:
         raise SolverError("no round of refinement was run")
     return replace(found, spent=spent, first=first)
@@ -212,7 +215,7 @@ def hold_chords(plan: SectionPlan) -> SectionPlan:
     if plan.outcome is None:
         return plan
     task, stage, attempt, best = plan.outcome.task, plan.outcome.stage, plan.outcome.attempt, plan.outcome.best
-    nodes, shortest, place = best.nodes, np.inf, np.nan
+    nodes, shortest, place, work = best.nodes, np.inf, np.nan, 0
     curve, limits = task.section.curve, task.limits
     for _ in range(_CHORD_ROUNDS):
         times, shares = chord_shares(curve, limits, nodes)
@@ -225,8 +228,11 @@ def hold_chords(plan: SectionPlan) -> SectionPlan:
         stage, attempt = stage.slower(
             task, attempt, best.used, np.interp(stage.grid.u, nodes.u, nodes.t), times, shares
         )
+        if work + _USUAL_ITERATIONS * stage.grid.intervals > _MOST_WORK:
+            break
         with suppress(SolverError, InfeasibleError):
             attempt = stage.solve(task, attempt)
+            work += stage.grid.intervals * int(attempt.stats["iterations"])
             best = Round.of(task, best.number + 1, attempt, stage.path)
             nodes = best.nodes
             continue

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bound_cases import KINDS, bound_case, program_of
+from extreme import extreme_case
 
 from planner import (
     FeedrateError,
@@ -338,3 +339,19 @@ def test_a_certificate_for_other_limits_says_so():
     assert not same.other_limits
     assert not Limits(**{**vars(LIMITS), "jerk": [2e4, 2.1e4]}).same_as(LIMITS)
     assert not LIMITS.with_feed(99.0).same_as(LIMITS)
+
+
+def test_a_bound_whose_coordinate_does_not_grow_is_none(monkeypatch):
+    """A line with weights 1e5 apart on a grid that does not follow |C'|: it came out 2.4e-4 above a plan."""
+    case = extreme_case(2220)
+    curve = case.curve()
+    profile = plan_feedrate(curve, case.limits)
+    assert 0.9999 * profile.duration < profile.lower_bound <= profile.duration
+    place, look = bounds.place_knots, bounds.scan
+    monkeypatch.setattr(bounds, "place_knots", lambda *given, **_follow: place(*given))
+    monkeypatch.setattr(bounds, "scan", lambda *given, **_follow: look(*given))
+    with pytest.raises(
+        SolverError, match=r"between its knots u = [\d.e-]+ and [\d.e-]+ the coordinate of the bound does"
+    ):
+        certify(curve, case.limits, profile, intervals=250)
+    assert np.isnan(plan_feedrate(curve, case.limits, intervals=250).lower_bound)

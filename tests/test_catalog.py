@@ -177,7 +177,7 @@ class TestFiles:
     def test_rotary_axes_by_name(self, write):
         points = [[0, 0, 0], [1, 2, 0.1], [3, 1, 0.3], [4, 0, 0.2]]
         curve = load_curve(write(NURBS | {"control_points": points, "axes": ["X", "Y", "A"]}), scale=2.0)
-        np.testing.assert_allclose(curve.derivatives(1.0, 0)[0], [8.0, 0.0, 0.2], rtol=1e-14)
+        np.testing.assert_allclose(curve.derivatives(1.0, 0)[0], [8.0, 0.0, 0.2], rtol=1e-14, atol=1e-15)
         assert curve.tip.axes == ("X", "Y")
         formula = load_curve(write(FORMULA | {"a": "u/3", "axes": ["A", "X", "Y"]}), scale=2.0)
         np.testing.assert_allclose(formula.derivatives(0.3, 0)[0], [0.1, 2 * np.cos(0.3), 4 * np.sin(0.3)], rtol=1e-14)

@@ -29,6 +29,8 @@ _WAY_MARGIN = 1e-6  # relative accuracy of the ways, which may only be too long
 _PART_MARGIN = 1e-7  # and of the way up to a node within a part, as a share of that part's way
 _TURN_MARGIN = 0.02  # the same, where an axis turns round within the part
 _LEAST_PARTS = 16.0  # of a stretch between two breaks of the curve
+_LARGEST_CHANGE = 0.5  # of log |dq/du| over a part
+_FOLLOWING, _MOST_PIECES, _MOST_PARTS = 8, 4096, 200_000  # rounds in which they are cut for it, of an interval, in all
 _CLOSER = 10  # halvings of the interval next to a stop
 _TARGET = 1e-10  # of the integral: the disagreement to be reached
 _ROUNDS = 24
@@ -193,25 +195,33 @@ def smallest(w: FloatArray, g: FloatArray, cap: FloatArray) -> FloatArray:
 def lay_out(path: SectionPath, rests: tuple[bool, bool], breaks: FloatArray, jumps: FloatArray) -> Stretches:
     """Parts of a section: cut where multipliers change their sign, ever shorter at stops, no fewer than 16 a stretch.
 
+    More where the motions' |dq/du| changes by orders of magnitude, as at a near-cusp: no sum over few points sees that.
+
     ``breaks`` are the parameters between which the curve is smooth, ``jumps`` those at which its curvature jumps.
     """
     parts = path.parts
     count = parts.h.size
     stretch = np.searchsorted(breaks, 0.5 * (parts.u[0] + parts.u[1]))
     pieces = np.ceil(_LEAST_PARTS / np.bincount(stretch)[stretch]).astype(np.intp)
-    k = np.arange(1, pieces.max() + 1)[:, None]
-    even = np.where(k < pieces, k / pieces, np.nan)
     near = np.full((2, _CLOSER, count), np.nan)
     shares = 0.5 ** np.arange(1, _CLOSER + 1)
     if rests[0]:
         near[0, :, 0] = shares
     if rests[1]:
         near[1, :, -1] = 1.0 - shares
-    interval, lower, upper = parts.parts(np.concatenate([even, near[0], near[1]]))
     motions = parts.jerk.shape[0]
-    nothing = np.zeros((2, motions, lower.size))
-    bare = Stretches(interval, lower, upper, nothing, nothing > 0.0)
-    points, _, _ = path.points(bare)
+    for _ in range(_FOLLOWING):
+        k = np.arange(1, pieces.max() + 1)[:, None]
+        even = np.where(k < pieces, k / pieces, np.nan)
+        interval, lower, upper = parts.parts(np.concatenate([even, near[0], near[1]]))
+        nothing = np.zeros((2, motions, lower.size))
+        bare = Stretches(interval, lower, upper, nothing, nothing > 0.0)
+        points, i, r = path.points(bare)
+        more = np.ones(count)
+        np.maximum.at(more, interval, np.ceil(_change(points.first / parts.coordinate(i, r)[1]) / _LARGEST_CHANGE))
+        if (more == 1.0).all() or lower.size > _MOST_PARTS:
+            break
+        pieces = np.minimum(pieces * np.minimum(more, _MOST_PIECES), _MOST_PIECES).astype(np.intp)
     first = points.first.reshape(motions, -1, _NODES.size)
     way = path.ways(bare, points)
     total = np.cumsum(way, axis=1)
@@ -224,6 +234,14 @@ def lay_out(path: SectionPath, rests: tuple[bool, bool], breaks: FloatArray, jum
     zero = np.zeros((motions, 1))
     ways = np.stack([np.hstack([zero, total[:, :-1]]), np.hstack([back[:, 1:], zero])])
     return Stretches(interval, lower, upper, ways, np.stack(steady))
+
+
+def _change(slopes: FloatArray) -> FloatArray:
+    """How much log |dq/du| changes within each part, by the slopes (K, p 8) at its nodes, each motion in its largest."""
+    largest = np.abs(slopes).max(axis=1, keepdims=True)
+    size = np.sum(np.divide(slopes, largest, out=np.zeros_like(slopes), where=largest > 0.0) ** 2, axis=0)
+    size = np.maximum(size, np.finfo(np.float64).tiny).reshape(-1, _NODES.size)
+    return np.asarray(0.5 * np.log(size.max(axis=1) / size.min(axis=1)))
 
 
 def _same_direction(first: FloatArray) -> Flags:

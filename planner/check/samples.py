@@ -8,21 +8,17 @@ import numpy as np
 
 from planner.check.chords import sample_chord
 from planner.check.motion import dot, norm
-from planner.check.peaks import zoom
 from planner.check.quantities import AXIS_RATES
 from planner.check.report import Place, Report, Rows
 from planner.check.scan import machine_caps
-from planner.check.sizes import EPS, LENGTH_ACCURACY, extent, group_sizes, position_rounding
+from planner.check.sizes import EPS, extent, group_sizes, position_rounding
+from planner.check.tiplength import tip_steps
 from planner.errors import InputError
 from planner.geometry.curve import Curve, FeedCaps, FloatArray
 from planner.limits import Limits
 from planner.profile import Samples
 
 _PATH_TOLERANCE = 1e-9
-# The tip comes to rest where its |C'| falls below this fraction of that at the samples before and after: to 0 but for the
-# digits of u.  A turn, however tight, is none.
-_AT_REST = 1e-8
-_REST_SEARCHES = 3  # each narrows the place by 3e4
 
 
 def check_samples(curve: Curve, limits: Limits, samples: Samples, density: int, rows: Rows) -> Report:
@@ -59,26 +55,18 @@ def check_samples(curve: Curve, limits: Limits, samples: Samples, density: int, 
             slack = 2.0**n * rounding[j] / period**n
             place = _middle(samples, k - before + 0.5 * n)
             rows.add(name, sizes[k, j], getattr(limits, name)[j], place, slack=slack, j=j)
-    s = _signed_length(curve, u)
-    s_rounding = LENGTH_ACCURACY * curve.length + _length_rounding(curve, u)
-    moving, before = _held(samples, s)
+    steps, off = tip_steps(curve, u)
+    moving, before = _held(samples, steps, resting=0.0)
     for n, name in ((2, "tangential acceleration"), (3, "tangential jerk")):
-        size = np.abs(np.diff(moving, n)) / period**n
+        size = np.abs(np.diff(moving, n - 1)) / period**n
         if size.size == 0:
             continue
         k = int(size.argmax())
         allowed = getattr(limits, name.replace(" ", "_"))
-        slack = 2.0**n * s_rounding / period**n
-        rows.add(name, size[k], allowed, _middle(samples, k - 3 + 0.5 * n), slack=slack)
+        rows.add(name, size[k], allowed, _middle(samples, k - before + 0.5 * n), slack=2.0**n * off / period**n)
     change = np.diff(feeds) / period if feeds.size > 1 else np.zeros(1)
     ends = (feeds[0], feeds[-1], change[0], change[-1])
     return Report(tuple(rows.rows + table), *(float(value) for value in ends))
-
-
-def _length_rounding(curve: Curve, u: FloatArray) -> float:
-    """What half of the last digit of u, and the rounding of the length itself, are worth of arc length, mm."""
-    s, speed = curve.arclength.s(u), norm(curve.tip.derivatives(u, 1)[1])
-    return EPS * float((s + 0.5 * speed * np.abs(u)).max(initial=0.0))
 
 
 def _off_path(curve: Curve, u: FloatArray, apart: FloatArray) -> FloatArray:
@@ -107,48 +95,20 @@ def _highest_caps(caps: FeedCaps, u: FloatArray) -> FloatArray:
     return np.asarray(np.maximum.reduceat(np.append(cap, 0.0), bounds)[::2])
 
 
-def _signed_length(curve: Curve, u: FloatArray) -> FloatArray:
-    """Arc length of the tool tip at the samples, counted backwards from each place at which it comes to rest and turns back.
+def _held(samples: Samples, values: FloatArray, resting: float | None = None) -> tuple[FloatArray, int]:
+    """Samples, or steps between them, as the drives see them, and how many were put before the first.
 
-    Where rotary axes carry the tip over such a place its path has a cusp: s'' of the length without a sign would jump
-    from -a to a, of a motion along a straight line with the acceleration a.
-    """
-    s = curve.arclength.s(u)
-    if curve.tip is curve:
-        return s
-    slope = curve.tip.derivatives(u, 1)[1]
-    moving = norm(slope) > 0.0
-    places, slope, size = u[moving], slope[moving], norm(slope[moving])
-    turned = np.flatnonzero(dot(slope[1:], slope[:-1]) < 0.0)
-    if turned.size == 0:
-        return s
-    lower, upper = np.minimum(places[turned], places[turned + 1]), np.maximum(places[turned], places[turned + 1])
-
-    def slowness(x: FloatArray) -> FloatArray:
-        return -norm(curve.tip.derivatives(x, 1)[1])
-
-    at, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
-    for _ in range(_REST_SEARCHES):
-        at, half = zoom(slowness, at, half, lower, upper), 1e-4 * half
-    rests = -slowness(at) <= _AT_REST * np.minimum(size[turned], size[turned + 1])
-    turns = np.concatenate([[0.0], np.sort(curve.arclength.s(at[rests]))])
-    sign = 1.0 - 2.0 * (np.arange(turns.size) % 2)
-    begin = np.concatenate([[0.0], np.cumsum(sign[:-1] * np.diff(turns))])
-    k = np.searchsorted(turns[1:], s, side="left")
-    return np.asarray(begin[k] + sign[k] * (s - turns[k]))
-
-
-def _held(samples: Samples, values: FloatArray) -> tuple[FloatArray, int]:
-    """Samples as the drives see them, and how many were put before the first.
-
-    At an end at rest the point is held, three times for the third difference.  At an end with a feed the path goes on:
-    nothing is added, and the last period, which the end of the curve cuts short, is left out.
+    At an end at rest the point is held, three times for the third difference: the value there is repeated, or ``resting``
+    put there.  At an end with a feed the path goes on: nothing is added, and the last period, which the end of the curve
+    cuts short, is left out.
     """
     before = 3 if samples.start_feed == 0.0 else 0
     after = 3 if samples.end_feed == 0.0 else 0
     inner = values if after or values.shape[0] < 3 else values[:-1]
     width = [(before, after)] + [(0, 0)] * (values.ndim - 1)
-    return np.pad(inner, width, mode="edge"), before
+    if resting is None:
+        return np.pad(inner, width, mode="edge"), before
+    return np.pad(inner, width, constant_values=resting), before
 
 
 def _middle(samples: Samples, k: float) -> Place:

@@ -35,9 +35,10 @@ _ROOT = 0.5 / np.sqrt(5.0)
 RULE_NODES = np.array([INSIDE, 0.5 - _ROOT, 0.5 + _ROOT, 1.0 - INSIDE])
 RULE_WEIGHTS = np.array([1.0, 5.0, 5.0, 1.0]) / 12.0
 _DIGITS = 32.0  # of u, that say nothing of a way between two knots
+_HALVINGS = 6
 STEP_SEEN = 0.75  # of a unit step of the acceleration in the jerk of samples times their period
 _LEAST_SHARE = 0.05  # of the motions of all axes, weighted
-_WAY_MARGIN = 1.01  # ways are sums of largest values at samples
+_WAY_MARGIN, _WAY_SAMPLES = 1.01, 17  # ways are sums of the largest values at so many samples of each cell
 _NEAR = 4.0  # times the other caps of x, at samples: what the ways from the ends say is no limit
 
 
@@ -163,16 +164,7 @@ class Track:
 
     def coordinate(self, k: IntArray, r: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Way in u from the left and to the right knot, u' and u'' in the cells k at r, by the quintic."""
-        h = self.h[k]
-        s0, s1 = self.u[1, k] * h, self.u[1, k + 1] * h
-        b0, b1 = self.u[2, k] * h**2, self.u[2, k + 1] * h**2
-        whole = self.u[0, k + 1] - self.u[0, k]
-        lacking = whole - 0.5 * (s0 + s1) - (b0 - b1) / 12.0
-        digits = _DIGITS * np.finfo(float).eps * np.maximum(np.abs(self.u[0, k]), np.abs(self.u[0, k + 1]))
-        lacking = np.where(np.abs(lacking) <= digits, 0.0, lacking)
-        middle = 0.5 * (s0 + s1) + (b0 - b1) / 6.0 + 5.0 * lacking
-        slope = (s0, s0 + b0 / 4.0, middle, s1 - b1 / 4.0, s1)
-        s = 1.0 - r
+        h, slope, s = self.h[k], self._slope(k), 1.0 - r
         u1 = s**4 * slope[0] + 4.0 * r * s**3 * slope[1] + 6.0 * r**2 * s**2 * slope[2]
         u1 += 4.0 * r**3 * s * slope[3] + r**4 * slope[4]
         bend = [4.0 * (b - a) for a, b in pairwise(slope)]
@@ -185,6 +177,32 @@ class Track:
             gone += binomial[i] * sums * r ** (i + 1) * s ** (4 - i)
             left += binomial[i] * back * s ** (i + 1) * r ** (4 - i)
         return gone, left, u1 / h, u2 / h**2
+
+    def _slope(self, k: IntArray) -> tuple[FloatArray, ...]:
+        """Bernstein coefficients of du/dr in the cells k."""
+        h = self.h[k]
+        s0, s1 = self.u[1, k] * h, self.u[1, k + 1] * h
+        b0, b1 = self.u[2, k] * h**2, self.u[2, k + 1] * h**2
+        whole = self.u[0, k + 1] - self.u[0, k]
+        lacking = whole - 0.5 * (s0 + s1) - (b0 - b1) / 12.0
+        digits = _DIGITS * np.finfo(float).eps * np.maximum(np.abs(self.u[0, k]), np.abs(self.u[0, k + 1]))
+        lacking = np.where(np.abs(lacking) <= digits, 0.0, lacking)
+        middle = 0.5 * (s0 + s1) + (b0 - b1) / 6.0 + 5.0 * lacking
+        return s0, s0 + b0 / 4.0, middle, s1 - b1 / 4.0, s1
+
+    @property
+    def falling(self) -> IntArray:
+        """Cells in which u may fall, by the coefficients of du/dr on 64 parts of each: there sigma is no coordinate."""
+        cells = self.full
+        rows = np.stack(self._slope(cells))
+        for _ in range(_HALVINGS):
+            doubtful = (rows < 0.0).any(axis=0)
+            triangle = [rows[:, doubtful]]
+            while triangle[-1].shape[0] > 1:
+                triangle.append(0.5 * (triangle[-1][1:] + triangle[-1][:-1]))
+            before, after = np.stack([row[0] for row in triangle]), np.stack([row[-1] for row in triangle[::-1]])
+            cells, rows = np.tile(cells[doubtful], 2), np.hstack([before, after])
+        return np.unique(cells[(rows < 0.0).any(axis=0)])
 
     def points(self, k: IntArray, r: FloatArray) -> Points:
         """Evaluate the path in the cells k at r (both flat), from inside the cells."""
@@ -249,7 +267,7 @@ class Track:
     def _with_ways(self) -> Track:
         """Measure the ways: sums of the largest |dq/du| at samples of each cell."""
         full, motions = self.full, self.rise.shape[0]
-        nodes = np.array([0.0, *RULE_NODES[1:-1], 1.0])
+        nodes = np.linspace(0.0, 1.0, _WAY_SAMPLES)
         k, r = np.repeat(full, nodes.size), np.tile(nodes, full.size)
         gone = self.coordinate(k, r)[0]
         first = self._along(k, r, gone)[0].reshape(motions, full.size, nodes.size)

@@ -163,7 +163,8 @@ class _Stage:
     def time(self, x: FloatArray) -> FloatArray:
         """Time of each interval: in closed form for a linear x, and by Gauss what the lean changes."""
         root, h = np.sqrt(x), self.offset[:, -1]
-        time = np.asarray(2.0 * h / (root[1:] + root[:-1]))
+        with np.errstate(divide="ignore"):
+            time = np.asarray(2.0 * h / (root[1:] + root[:-1]))
         k = np.flatnonzero(self.lean)
         points, weights = np.polynomial.legendre.leggauss(_GAUSS_POINTS)
         w = 0.5 * (points + 1.0)
@@ -310,6 +311,12 @@ def _refined(
             if best is None:
                 raise InfeasibleError(_not_joined(section))
             break
+        still = np.flatnonzero(~np.isfinite(stage.time(x)))
+        if still.size:
+            raise SolverError(
+                f"{section.curve.name}: no plan found near u = {stage.u[still[0]]:.9g}, where the limits leave no feed; "
+                "split the curve there, or ask for more intervals"
+            )
         used = utilisation(section.curve, limits, stage.nodes(x))
         slowdown = np.maximum(used.speed, np.sqrt(used.acceleration))[::2]
         unmet = max(1.0, float(slowdown.max()))

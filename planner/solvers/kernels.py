@@ -223,7 +223,7 @@ def advance(
     out[0], out[1] = gap, worst
 
 
-@njit(F64(READ1, READ2, WRITE2, WRITE1), cache=True)
+@njit(F64(READ1, READ2, WRITE2, WRITE1), cache=True, error_model="numpy")
 def factor(h, hessian, gains, root):
     """Backward Riccati recursion on the Hessian: gains (4, n-1) of the control on the state, and the first knot's P.
 
@@ -276,7 +276,7 @@ def factor(h, hessian, gains, root):
     return smallest
 
 
-@njit(NOTHING(READ1, READ2, READ1, READ2, READ1, READ1, I64, WRITE1, WRITE2), cache=True)
+@njit(NOTHING(READ1, READ2, READ1, READ2, READ1, READ1, I64, WRITE1, WRITE2), cache=True, error_model="numpy")
 def solve(h, gains, root, gradient, first, last, fixed, feed_forward, step):
     """Newton step for one gradient, by the gains of :func:`factor`: a backward sweep, then a forward one.
 
