@@ -5,7 +5,9 @@ from __future__ import annotations
 import io
 import json
 import math
+import re
 from dataclasses import replace
+from itertools import takewhile
 from types import SimpleNamespace
 from typing import Any
 
@@ -29,9 +31,9 @@ def sound() -> Verdict:
     return Verdict(profile, LIMITS, "mill", samples, check(CURVE, LIMITS, profile), check(CURVE, LIMITS, samples))
 
 
-def text_of(verdict: Verdict) -> str:
+def text_of(verdict: Verdict, width: int = 200) -> str:
     out = io.StringIO()
-    Console(width=200, file=out).print(to_text(verdict))
+    Console(width=width, file=out).print(to_text(verdict))
     return out.getvalue()
 
 
@@ -195,3 +197,23 @@ def test_a_plan_below_the_bound_is_told_to_break_its_limits(sound: Verdict) -> N
     assert "no plan within the limits is as fast as this one, which breaks them" in text
     assert "the gap is at most" not in text
     assert "the gap is at most" in text_of(sound)
+
+
+def test_the_table_of_limits_has_two_spaces_between_its_columns(sound: Verdict) -> None:
+    lines = text_of(sound, width=80).splitlines()
+    first = next(k for k, line in enumerate(lines) if line.startswith("limit "))
+    table = [line.rstrip() for line in takewhile(str.strip, lines[first:])]
+    rows = [re.split(r" {2,}", line) for line in table]
+    assert rows[0] == ["limit", "allowed", "plan", "samples", "worst at"]
+    assert {len(row) for row in rows} == {5}
+    assert len(rows) == 1 + 7  # the feed, and of two axes velocity, acceleration, jerk
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for line, (name, *numbers) in zip(table, rows, strict=True):
+        cells = [name.ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(numbers, widths[1:], strict=True))]
+        assert line == "  ".join(cells)
+
+
+def test_what_is_broken_stands_right_below_the_word(sound: Verdict) -> None:
+    broken = replace(sound, plan_report=report_with(sound.plan_report, (0, 1.5, False)))
+    lines = [line.rstrip() for line in text_of(broken).splitlines()]
+    assert lines[lines.index("LIMIT BROKEN") + 1].startswith("  1 of the plan; the worst is")
