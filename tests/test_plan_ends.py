@@ -195,7 +195,7 @@ def test_a_seam_at_which_the_curvature_jumps_cannot_be_periodic() -> None:
 def test_a_gap_is_measured_by_the_size_of_the_path_wherever_it_lies() -> None:
     """A circle of 10 mm, 1e6 mm from the origin: closed to a digit there, or open by 1e-7 mm, ten times what may be."""
     circle = {"X": "1e6+10*cos(u)", "Y": "2e6+10*sin(u)"}
-    with pytest.raises(InputError, match="needs a closed curve; the ends of formula are 9.99e-08 apart"):
+    with pytest.raises(InputError, match=r"needs a closed curve; the ends of formula are 9\.99e-08 apart"):
         plan_feedrate(FormulaCurve(circle, (0.0, 2.0 * np.pi - 1e-8)), plane(), periodic=True)
     curve = FormulaCurve(circle, (0.0, 2.0 * np.pi))
     assert plan_feedrate(curve, plane(), periodic=True).duration == pytest.approx(curve.length / 100.0, rel=1e-5)
