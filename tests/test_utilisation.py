@@ -205,6 +205,16 @@ def test_rounding_of_a_table_is_granted_and_no_more():
     assert utilisation(line, limits, exact).jerk == pytest.approx(np.full(399, 0.2), abs=2e-3)
 
 
+def test_what_is_granted_for_rounding_is_that_of_the_interval_and_not_of_the_end():
+    """u = v t + t^3 / 6: a jerk of 1, at first over a millisecond, and at the end where the digits of u and t are large."""
+    line = NurbsCurve([[0.0, 0.0], [2e6, 0.0]], [0, 0, 2e6, 2e6], 1)
+    limits = Limits(np.inf, [np.inf] * 2, [np.inf] * 2, [0.5, np.inf])
+    t = np.array([0.0, 1e-3, 2e-3, 100.0, 200.0])
+    for feed in (0.0, 1e3):
+        nodes = TimeNodes(t, feed * t + t**3 / 6.0, feed + t**2 / 2.0, t)
+        assert utilisation(line, limits, nodes).jerk[[0, 1]] == pytest.approx([2.0, 2.0], rel=1e-3)
+
+
 def test_every_interval_of_a_long_law_has_its_peak_estimated():
     """Only few intervals are looked at closely; the others rely on the parabola through three points."""
     curve = CURVES["formula"]()
