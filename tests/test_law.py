@@ -76,7 +76,7 @@ def test_times_are_the_integral_of_one_over_sigma_dot(laid):
     exact = [quad(lambda s: x(s) ** -0.5, a, b, epsrel=1e-13)[0] for a, b in pairwise(points)]
     t = np.unique(nodes.t)
     assert t.size == points.size
-    assert np.diff(t) == pytest.approx(exact, rel=1e-10)
+    assert np.diff(t) == pytest.approx(exact, rel=1e-10, abs=0.0)
 
 
 def test_nodes_are_knots_and_midpoints_double_where_the_knots_are(laid):
@@ -154,7 +154,7 @@ def test_joined_laws_follow_one_another_and_share_the_moments_between_them():
     assert whole.t[0] == 0.0
     for k, part in enumerate(parts):
         mine = slice(k * size, (k + 1) * size)
-        assert whole.t[mine] - whole.t[k * size] == pytest.approx(part.t, rel=1e-12)
+        assert whole.t[mine] - whole.t[k * size] == pytest.approx(part.t, rel=1e-12, abs=0.0)
         assert np.array_equal(whole.u_rate[mine], part.u_rate)
         assert np.array_equal(whole.u_acceleration[mine], part.u_acceleration)
     ends = np.array([size, 2 * size])
@@ -215,7 +215,7 @@ def test_midpoints_are_where_they_round_to():
     along = np.stack([points, np.ones(points.size), np.zeros(points.size), np.zeros(points.size)])
     nodes = SpeedLaw(sigma, ones, none, none).nodes(Parameter(along, np.zeros(points.size)))
     exact = [float(Fraction(b) - Fraction(a)) for a, b in pairwise(points)]
-    assert nodes.steps[0] == pytest.approx(exact, rel=1e-15)
+    assert nodes.steps[0] == pytest.approx(exact, rel=1e-15, abs=0.0)
     uneven = [2.0 * exact[k] / (exact[k] + exact[k + 1]) - 1.0 for k in range(0, len(exact), 2)]
     assert np.count_nonzero(np.abs(uneven) > 1e-14) > 50
 
@@ -248,7 +248,7 @@ def test_steps_of_nodes_are_the_advance_of_the_law_and_not_the_differences_of_u(
     along = np.stack([1e6 + points, np.ones(points.size), np.zeros(points.size), np.zeros(points.size)])
     ones, none = np.ones(sigma.size), np.zeros(sigma.size)
     nodes = SpeedLaw(sigma, ones, none, none).nodes(Parameter(along, np.zeros(points.size)))
-    assert nodes.steps[1] == pytest.approx(np.diff(points), rel=1e-12)
+    assert nodes.steps[1] == pytest.approx(np.diff(points), rel=1e-12, abs=0.0)
     assert np.abs(np.diff(along[0]) - np.diff(points)).max() > 1e-11
 
 
