@@ -3,28 +3,33 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, Literal
 
 import pytest
 
 from planner import FeedrateProfile, Limits, load_curve, plan_feedrate
-from planner.solvers import optimal
+from planner.solvers import nlp, optimal
 
 LIMITS = Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2)
 
 
 def planned_with(
-    monkeypatch: pytest.MonkeyPatch, name: str, intervals: int, **found: Any
+    monkeypatch: pytest.MonkeyPatch,
+    name: str,
+    intervals: int,
+    method: Literal["optimal", "nlp"] = "optimal",
+    **found: Any,
 ) -> tuple[FeedrateProfile, int]:
     """A plan whose solves take 1, 2, 4, ... seconds and say what is given; and how many there were."""
-    solve, solves = optimal.solve, []
+    solver = {"optimal": optimal, "nlp": nlp}[method]
+    solve, solves = solver.solve, []
 
     def timed(*args: Any, **kwargs: Any) -> Any:
         solves.append(2.0 ** len(solves))
         return replace(solve(*args, **kwargs), cpu_s=solves[-1], **found)
 
-    monkeypatch.setattr(optimal, "solve", timed)
-    return plan_feedrate(load_curve(name), LIMITS, intervals=intervals), len(solves)
+    monkeypatch.setattr(solver, "solve", timed)
+    return plan_feedrate(load_curve(name), LIMITS, method=method, intervals=intervals), len(solves)
 
 
 def test_every_solve_is_counted_and_the_first_with_the_coarse_one(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -32,6 +37,13 @@ def test_every_solve_is_counted_and_the_first_with_the_coarse_one(monkeypatch: p
     assert count > 2
     assert profile.stats["solve_cpu_s"] == 2.0**count - 1.0
     assert profile.stats["first_solve_cpu_s"] == 3.0  # on the coarse grid and on the wanted one
+
+
+def test_the_reference_method_has_no_coarse_solve(monkeypatch: pytest.MonkeyPatch) -> None:
+    profile, count = planned_with(monkeypatch, "circle", 100, method="nlp")
+    assert count > 1
+    assert profile.stats["solve_cpu_s"] == 2.0**count - 1.0
+    assert profile.stats["first_solve_cpu_s"] == 1.0
 
 
 @pytest.mark.parametrize(
