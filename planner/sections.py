@@ -113,6 +113,13 @@ class Section:
         saved = (1.0 - BLEND_LENGTH) * (self.blend_start + self.blend_end)
         return self.y_end - self.y_start + saved
 
+    def usable(self, u: FloatArray) -> FloatArray:
+        """Share of the limits that a plan may use at parameters: what the reserve leaves."""
+        if not self.reserve:
+            return np.ones_like(u)
+        begins, unused = (np.array(column) for column in zip(*self.reserve, strict=True))
+        return np.append(1.0, 1.0 - unused)[np.searchsorted(begins, u, side="right")]
+
     def position(self, sigma: FloatArray) -> FloatArray:
         """Evaluate y(sigma)."""
         w0, w1, span = self.blend_start, self.blend_end, self.span

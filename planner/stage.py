@@ -162,9 +162,7 @@ class Stage:
         if task.prescribed:
             problem = _tightened(problem, *[1.0 + _PRESCRIBED_MARGIN] * 3)
         if task.section.reserve:
-            begins, unused = (np.array(column) for column in zip(*task.section.reserve, strict=True))
-            left = np.append(1.0, 1.0 - unused)[np.searchsorted(begins, path.u[0], side="right")]
-            problem = _tightened(problem, *[1.0 / left] * 3)
+            problem = _tightened(problem, *[1.0 / task.section.usable(path.u[0])] * 3)
         if holds.x.size:
             middle = 0.5 * (grid.sigma[1:] + grid.sigma[:-1])
             points = np.insert(grid.sigma, np.arange(1, grid.sigma.size), middle)

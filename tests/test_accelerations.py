@@ -212,3 +212,17 @@ def test_slowing_down_without_jerk_is_said(monkeypatch):
 def test_toppra_says_nothing_of_a_slowing_down_that_was_none():
     notes = plan_feedrate(line(40.0), limits_of(), method="toppra").stats["notes"]
     assert not [note for note in notes if "slowed down by -" in note or "slowed down by 0 %" in note]
+
+
+def test_a_reserve_is_left_without_a_jerk_limit_too():
+    curve = load_curve("butterfly", scale=10.0)
+    limits = Limits(100.0, [250.0] * 2, [1000.0] * 2, [np.inf] * 2)
+    middle = 0.5 * sum(curve.domain)
+    profile = plan_feedrate(curve, limits, reserve=[(middle, 0.2)])
+    law = profile.at(np.linspace(0.0, profile.duration, 20_001))
+    q = curve.derivatives(law.u, 2)
+    share = np.abs(q[2] * law.u_rate[:, None] ** 2 + q[1] * law.u_acceleration[:, None]).max(axis=1) / 1000.0
+    after = law.u > middle + 0.01 * np.ptp(curve.domain)
+    assert 0.99 < share[~after].max() <= 1.0 + 1e-6
+    assert 0.75 < share[after].max() <= 0.8 * (1.0 + 1e-2)
+    assert profile.duration > plan_feedrate(curve, limits).duration

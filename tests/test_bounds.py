@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -21,11 +22,13 @@ from planner import (
     load_limits,
     plan_feedrate,
 )
-from planner.bounds import Bound, section_bound
+from planner.bounds import Bound, section_bound, statement
+from planner.certificate import Certificate, CertificateSection
 from planner.check.certificate import verify_bound, verify_plan_bound
 from planner.dual.problem import Pace, best_splines
 from planner.dual.terms import Multiplied, Track
 from planner.dual.value import Splines, _sides, normalised, value, weight_and_pull
+from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
 from planner.grid import place_knots, scan, with_blends
 from planner.programs.path import program_path
@@ -223,6 +226,62 @@ def test_bound_is_a_number_that_carries_its_proof():
     assert "osculating circle" in bound.statement
     with pytest.raises(FeedrateError, match="intervals = 3"):
         certify(LINE, LIMITS, profile, intervals=3)
+
+
+@pytest.mark.parametrize(
+    ("stops", "shown"),
+    [
+        ((), None),
+        ((20,), "20"),
+        ((20, 120), "20, 120"),
+        (range(10, 90, 10), "70, 80"),
+        (range(10, 100, 10), "70, 80, ..."),
+    ],
+)
+def test_a_bound_names_the_stops_of_its_plans_but_not_the_corners(stops, shown):
+    """Where a plan stops in the middle of a line other plans need not; at a corner every plan has to."""
+    bent = NurbsCurve([[0.0, 0.0], [100.0, 0.0], [100.0, 50.0]], [0, 0, 100, 150, 150], 1, name="bent")
+    ends = sorted([0.0, *stops, 100.0, 150.0])
+    data = []
+    for k, (start, end) in enumerate(pairwise(ends)):
+        u = np.array([[start, 0.5 * (start + end), end], [0.0] * 3, [0.0] * 3])
+        feeds = 0.0, (12.5 if k == len(ends) - 2 else 0.0)
+        data.append(CertificateSection(np.arange(3.0), u, np.empty((0, 4)), np.empty((0, 3)), *feeds, np.nan))
+    certificate = Certificate(tuple(data), (), (), 1.5, bent.fingerprint, False)
+    named = statement(bent, Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2), certificate).split("; ")
+    assert named[0] == "no plan of bent from rest to 12.5 mm/s within these limits takes less than 1.5 s"
+    if shown is None:
+        assert len(named) == 1
+    else:
+        assert named[1].startswith("for plans that stop at u = ")
+        assert named[1].endswith(shown)
+        assert "100" not in named[1]
+    jumps = statement(JUMPS, LIMITS, replace(certificate, sections=tuple(data[:1]), periodic=True)).split("; ")
+    assert jumps[0].startswith("no plan of nurbs that pass its end into its start within these limits takes")
+    assert jumps[1] == "the chord error counts as the feed limit of the osculating circle"
+    assert jumps[2].startswith("at curvature jumps the acceleration steps by at most 0.001 s / 0.75 of the jerk limit")
+
+
+@pytest.mark.parametrize("periodic", [True, False, None])
+def test_a_plan_is_periodic_that_says_so_or_closes_and_says_nothing(periodic):
+    """What a plan says decides where it can be true; a table of other makers says nothing."""
+    curve = load_curve("circle")
+    around = plan_feedrate(curve, LIMITS, periodic=True, intervals=100)
+    stats = dict(around.stats) | {"periodic": periodic}
+    if periodic is None:
+        del stats["periodic"]
+    assert certify(curve, LIMITS, replace(around, stats=stats), intervals=60).certificate.periodic is (
+        periodic is not False
+    )
+    for column in ("feed", "acceleration"):
+        other = getattr(around, column).copy()
+        other[-1] += 1e-5 * np.abs(getattr(around, column)).max()
+        unlike = replace(around, stats=stats, **{column: other})
+        assert not bounds._is_periodic(curve, unlike)
+    apart = FormulaCurve({"X": "50*cos(u)", "Y": "50*sin(u)"}, (0.0, 6.2))
+    assert not bounds._is_periodic(apart, replace(around, curve=apart, stats=stats))
+    still = np.zeros(around.t.size)
+    assert not bounds._is_periodic(curve, replace(around, feed=still, acceleration=still, stats=stats))
 
 
 def test_caps_alone_bound_where_nothing_else_is_known():

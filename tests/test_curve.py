@@ -97,7 +97,7 @@ class TestArcDerivatives:
 
     def test_curvature_keeps_its_digits_on_a_nearly_straight_curve(self):
         curve = FormulaCurve({"X": "1000*u + u**2", "Y": "1e-7*u**2"}, (0.0, 1.0))
-        assert curve.curvature(0.0) == pytest.approx(2e-7 / 1e6, rel=1e-9)
+        assert curve.curvature(0.0) == pytest.approx(2e-7 / 1e6, rel=1e-9, abs=0.0)
 
 
 class TestBreaks:
@@ -115,7 +115,7 @@ class TestBreaks:
     def test_angle_of_a_corner(self, angle):
         (corner,) = polyline([0, 0, 0], [3, 0, 0], [3 + np.cos(angle), np.sin(angle), 0]).breaks
         assert corner.geometric == 0
-        assert corner.angle == pytest.approx(angle, rel=1e-9)
+        assert corner.angle == pytest.approx(angle, rel=1e-9, abs=0.0)
 
     def test_line_into_arc_is_tangent_with_a_jump_of_curvature(self):
         (joint,) = LINE_AND_ARC.breaks
@@ -277,9 +277,9 @@ class TestCusps:
     @pytest.mark.parametrize("size", [1e-6, 1e8], ids=["1 nm", "100 km"])
     def test_very_small_and_very_large_curves_load(self, size):
         small = load_curve("butterfly-nurbs", scale=size / 100.0)
-        assert small.length == pytest.approx(382.8565834742799 * size / 100.0, rel=1e-12)
+        assert small.length == pytest.approx(382.8565834742799 * size / 100.0, rel=1e-12, abs=0.0)
         formula = FormulaCurve({"X": f"{size}*cos(u)", "Y": f"{size}*sin(u)"}, (0.0, 3.0))
-        assert formula.length == pytest.approx(3.0 * size, rel=1e-13)
+        assert formula.length == pytest.approx(3.0 * size, rel=1e-13, abs=0.0)
 
     def test_curve_without_length_is_refused(self):
         with pytest.raises(CurveError, match="length 0"):

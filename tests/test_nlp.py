@@ -97,6 +97,14 @@ def test_contradicting_ends_are_told_in_ipopts_words():
         nlp.solve(problem_of(curve, MILL, 40, start=90.0, end=5.0))
 
 
+def test_steps_that_ipopt_takes_back_are_no_words_to_the_user(capfd):
+    """On its way it tries squares of speeds below 0, whose roots are no numbers."""
+    curve = NurbsCurve([[0.0, 0.0], [0.2, 0.0]], [0, 0, 1, 1], 1)
+    with pytest.raises(SolverError, match="Infeasible"):
+        nlp.solve(problem_of(curve, MILL, 24, start=60.0))
+    assert capfd.readouterr() == ("", "")
+
+
 def test_relaxation_is_a_lower_bound():
     problem = problem_of(load_curve("teardrop"), MILL, 80)
     ours, reference = both(problem)

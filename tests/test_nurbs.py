@@ -234,3 +234,11 @@ def test_derivatives_of_a_rational_line_are_exact_far_from_0(weights, offset):
     np.testing.assert_allclose(d[2], -2.0 * exact * ((w1 - w0) / w)[:, None], rtol=1e-6)
     np.testing.assert_allclose(d[0], offset * np.array([1.0, 0.0]) + (w1 * u / w)[:, None] * [0.5, 0.25], rtol=1e-14)
     np.testing.assert_allclose(curve.pieces.powers[:, 0, 0] / curve.pieces.powers[:, 2, 0], offset, atol=0.5, rtol=1e-9)
+
+
+def test_weights_beyond_double_precision_are_refused_without_a_word_of_numpy():
+    points = [[0.0, 0.0], [10.0, 0.5], [12.0, 8.0], [3.0, 9.0], [0.0, 14.0], [-3.0, 15.0]]
+    with pytest.raises(
+        CurveError, match="control points, weights or knot spacings exceed the range of double precision"
+    ):
+        NurbsCurve(points, [0, 0, 0, 0, 0.25, 0.5, 1, 1, 1, 1], 3, [1.0, 1.0, 2.5, 1.0, 1e308, 1.0])

@@ -24,6 +24,14 @@ def test_corners_become_exact_stops() -> None:
     worst(curve, plane(), profile)
 
 
+def test_a_plan_of_s_curves_counts_the_intervals_of_its_sides_and_claims_no_bound() -> None:
+    """Two nodes share each of the three corners of the four sides."""
+    profile = plan_feedrate(square(20.0), plane(), method="scurve")
+    assert profile.stats["status"] == "feasible"
+    assert profile.stats["intervals"] == np.count_nonzero(np.diff(profile.t)) == profile.t.size - 4
+    assert np.isnan(profile.lower_bound)
+
+
 def test_a_curvature_jump_is_passed_slowly_enough_for_the_samples() -> None:
     curve, limits = line_into_arc(), plane()
     profile = plan_feedrate(curve, limits)
@@ -182,6 +190,15 @@ def racetrack() -> Curve:
 def test_a_seam_at_which_the_curvature_jumps_cannot_be_periodic() -> None:
     with pytest.raises(InputError, match=r"curvature of racetrack jumps by 0\.1 1/mm there"):
         plan_feedrate(racetrack(), plane(), periodic=True)
+
+
+def test_a_gap_is_measured_by_the_size_of_the_path_wherever_it_lies() -> None:
+    """A circle of 10 mm, 1e6 mm from the origin: closed to a digit there, or open by 1e-7 mm, ten times what may be."""
+    circle = {"X": "1e6+10*cos(u)", "Y": "2e6+10*sin(u)"}
+    with pytest.raises(InputError, match=r"needs a closed curve; the ends of formula are 9\.99e-08 apart"):
+        plan_feedrate(FormulaCurve(circle, (0.0, 2.0 * np.pi - 1e-8)), plane(), periodic=True)
+    curve = FormulaCurve(circle, (0.0, 2.0 * np.pi))
+    assert plan_feedrate(curve, plane(), periodic=True).duration == pytest.approx(curve.length / 100.0, rel=1e-5)
 
 
 def test_a_closed_path_with_a_corner_cannot_be_periodic() -> None:

@@ -7,9 +7,10 @@ import pytest
 
 from planner import FeedrateProfile, InputError, Limits, load_curve
 from planner.geometry.curve import Curve
+from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
 from planner.law import TimeNodes
-from planner.profile import make_profile
+from planner.profile import Samples, make_profile
 
 LINE = NurbsCurve([[0.0, 0.0], [40.0, 30.0]], [0, 0, 50, 50], 1)
 
@@ -63,6 +64,24 @@ def test_what_is_used_up_to_half_a_percent_binds_slowed_down_or_not(name: str, s
         assert set(found[:-1]) == ({name} if binds and everywhere else {"none"})
 
 
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_on_a_bent_path_the_motion_of_each_axis_decides(order: int, axis: int) -> None:
+    """X = 6 u^2 - u, Y = 9 u - 2 u^3 run by u = 5 t (1 + t): polynomials in t, and what binds is read off them."""
+    u = np.polynomial.Polynomial([0.0, 5.0, 5.0])
+    motion = (6.0 * u**2 - u, 9.0 * u - 2.0 * u**3)[axis]
+    curve = FormulaCurve({"X": "6*u**2-u", "Y": "9*u-2*u**3"}, (0.0, 10.0))
+    t = np.linspace(0.0, 1.0, 31)
+    nodes = TimeNodes(t, u(t), u.deriv(1)(t), u.deriv(2)(t))
+    kind = ("velocity", "acceleration", "jerk")[order - 1]
+    share = np.abs(motion.deriv(order)(t))
+    for k in (3, 11, 17, 30):
+        allowed = [np.inf, np.inf]
+        allowed[axis] = share[k] / 0.9951
+        found = named(curve, limits_with(**{kind: allowed}), nodes)
+        assert found == [f"{kind} {'XY'[axis]}" if s > 0.995 * allowed[axis] else "none" for s in share]
+
+
 @pytest.mark.parametrize("slowed", [None, 1.1])
 def test_the_chord_error_binds_slowed_down_or_not(slowed: float | None) -> None:
     circle = load_curve("circle")  # radius 50 mm
@@ -110,3 +129,36 @@ def test_a_double_node_holds_either_side_of_a_break() -> None:
     # the jerk of the interval after a node; before a break and at the end, of the one before
     inner = 6.0 * (10.0 * (1.0 - 0.5) - 4.0 * 1.0)
     assert profile.jerk == pytest.approx([inner, -inner, -2.0 * inner, 2.0 * inner], rel=1e-12)
+
+
+def test_the_jerk_at_nodes_is_that_of_the_law_to_the_last_one() -> None:
+    """A polynomial of the fifth degree is its own quintic; at 3-4-5 the arc length is u."""
+    nodes = law_of(1.0, -2.0, 3.0, 1.0, -0.5)
+    p = np.polynomial.Polynomial([0.0, 1.0, -2.0, 3.0, 1.0, -0.5]) * (50.0 / 2.5)
+    profile = make_profile(LINE, limits_with(), (nodes.t, nodes.u, nodes.u_rate, nodes.u_acceleration), method="given")
+    assert profile.jerk == pytest.approx(p.deriv(3)(nodes.t), rel=1e-8)
+    assert profile.at(profile.t).jerk == pytest.approx(profile.jerk, rel=1e-12)
+
+
+def test_where_the_tip_rests_and_other_axes_move_it_has_no_motion() -> None:
+    points = [[0.0, 0.0], [0.0, 1.0], [0.0, 3.0], [0.0, 4.0]]
+    turn = NurbsCurve(points, [0, 0, 0, 0, 1, 1, 1, 1], 3, axes=["X", "A"])
+    t = np.linspace(0.0, 1.0, 11)
+    limits = Limits(100.0, [np.inf] * 2, [np.inf] * 2, [np.inf] * 2, axes=["X", "A"])
+    u = np.polynomial.Polynomial([0.0, 0.2, 0.8])
+    profile = make_profile(turn, limits, (t, u(t), u.deriv(1)(t), u.deriv(2)(t)), method="given")
+    states = profile.at(np.linspace(0.0, 1.0, 37))
+    for motion in (profile, states):
+        assert not np.any([motion.s, motion.feed, motion.acceleration, motion.jerk])
+    assert profile.u_rate.min() > 0.0
+
+
+def test_what_was_planned_cannot_be_written_over() -> None:
+    nodes = law_of(1.0)
+    profile = make_profile(LINE, limits_with(), (nodes.t, nodes.u, nodes.u_rate, nodes.u_acceleration), method="given")
+    samples = Samples(0.5, np.array([0.0, 0.5, 1.0]), np.array([0.0, 25.0, 50.0]), np.zeros((3, 2)))
+    columns = [profile.t, profile.u, profile.u_rate, profile.u_acceleration, profile.s, profile.feed]
+    columns += [profile.acceleration, profile.jerk, profile.binding, samples.t, samples.u, samples.position]
+    for column in columns:
+        with pytest.raises(ValueError, match="read-only"):
+            column[0] = 1.0

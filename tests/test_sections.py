@@ -1,5 +1,7 @@
 """Sections between exact stops: where a path is cut, the coordinate of a section, and its rest map."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -245,3 +247,9 @@ def test_derivatives_are_taken_from_the_side_asked_for():
     for i, side in enumerate(("right", "left", "right", "left")):
         assert np.array_equal(q[:, i], curve.derivatives(u[i], 3, side=side))
     assert not np.array_equal(q[2, 1], q[2, 2])
+
+
+def test_a_reserve_leaves_a_share_of_the_limits_from_each_of_its_parameters_on():
+    section = replace(section_of(line()), reserve=((2.0, 0.1), (5.0, 0.25)))
+    assert section.usable(np.array([0.0, 1.9, 2.0, 4.9, 5.0, 10.0])).tolist() == [1.0, 1.0, 0.9, 0.9, 0.75, 0.75]
+    assert section_of(line()).usable(np.array([0.0, 10.0])).tolist() == [1.0, 1.0]

@@ -13,10 +13,14 @@ from program_blocks import program, rapid
 from strategies import random_nurbs
 
 from planner import Curve, FeedrateProfile, Limits, load_curve, load_limits, plan_feedrate
+from planner.constraints import build
 from planner.geometry.curve import FeedCaps, FloatArray
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
+from planner.grid import place_knots, scan, with_blends
 from planner.programs.path import program_path
+from planner.sections import cut
+from planner.sensitivity import SpeedBound
 
 FREE = [np.inf] * 2
 INTERVALS = 2000
@@ -236,3 +240,23 @@ def test_a_feed_that_the_path_commands_is_not_the_machines() -> None:
     _, profile = planned("programmed feed")
     said = profile.stats["saved_by_one_percent"]
     assert said.get("feed", 0.0) < 1e-6 * said["programmed feed"]
+
+
+@pytest.mark.parametrize(("angle", "binding"), [(30.0, "Y"), (44.9, "Y"), (45.1, "X"), (60.0, "X")])
+@pytest.mark.parametrize("turn", [1.0, -1.0])
+def test_at_a_jump_the_axis_across_the_path_has_the_step(angle: float, binding: str, turn: float) -> None:
+    """From a line at an angle to X into an arc the step is along the normal, and the arc turns away from it at once."""
+    along = np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))])
+    points = np.array([(-20, 0), (-10, 0), (0, 0), (10, 0), (10, 10.0 * turn)]) @ [along, [-along[1], along[0]]]
+    curve = NurbsCurve(points, [0, 0, 0, 1, 1, 2, 2, 2], 2, [1, 1, 1, np.sqrt(0.5), 1])
+    limits = plane(500.0)
+    (section,) = cut(curve, limits, 0.0, 0.0, exact_stop=False)
+    guess = scan(section, limits, 40)
+    section = with_blends(section, guess)
+    problem, path = build(section, limits, place_knots(section, guess, 40), guess)
+    bound = SpeedBound.of(limits, path, problem, np.zeros(path.u.shape[1], dtype=np.int8))
+    (jump,) = 2 * np.flatnonzero(problem.h == 0.0)
+    names = [SpeedBound.names(curve.axes)[k] for k in bound.which[jump - 1 : jump + 4]]
+    assert names[1:4] == [f"jerk {binding}"] * 3
+    assert {names[0], names[4]} <= {"velocity X", "velocity Y"}
+    assert bound.power[jump - 1 : jump + 4].tolist() == [2.0, 1.0, 1.0, 1.0, 2.0]

@@ -5,7 +5,9 @@ from __future__ import annotations
 import io
 import json
 import math
+import re
 from dataclasses import replace
+from itertools import takewhile
 from types import SimpleNamespace
 from typing import Any
 
@@ -29,9 +31,9 @@ def sound() -> Verdict:
     return Verdict(profile, LIMITS, "mill", samples, check(CURVE, LIMITS, profile), check(CURVE, LIMITS, samples))
 
 
-def text_of(verdict: Verdict) -> str:
+def text_of(verdict: Verdict, width: int = 200) -> str:
     out = io.StringIO()
-    Console(width=200, file=out).print(to_text(verdict))
+    Console(width=width, file=out).print(to_text(verdict))
     return out.getvalue()
 
 
@@ -66,7 +68,7 @@ def test_a_sound_plan(sound: Verdict) -> None:
     text = text_of(sound)
     assert sound.ok
     assert f"OK  every limit holds, for the plan and for its {sound.samples.t.size} samples" in text
-    assert sound.gap == pytest.approx(sound.profile.duration / sound.profile.lower_bound - 1.0, rel=1e-12)
+    assert sound.gap == pytest.approx(sound.profile.duration / sound.profile.lower_bound - 1.0, rel=1e-12, abs=0.0)
     assert f"{sound.profile.duration:.6g} s" in text
     assert f"the gap is at most {100.0 * sound.gap:.2f}%" in text
     assert "planned in" not in text
@@ -195,3 +197,41 @@ def test_a_plan_below_the_bound_is_told_to_break_its_limits(sound: Verdict) -> N
     assert "no plan within the limits is as fast as this one, which breaks them" in text
     assert "the gap is at most" not in text
     assert "the gap is at most" in text_of(sound)
+
+
+def test_the_table_of_limits_has_two_spaces_between_its_columns(sound: Verdict) -> None:
+    lines = text_of(sound, width=80).splitlines()
+    first = next(k for k, line in enumerate(lines) if line.startswith("limit "))
+    table = [line.rstrip() for line in takewhile(str.strip, lines[first:])]
+    rows = [re.split(r" {2,}", line) for line in table]
+    assert rows[0] == ["limit", "allowed", "plan", "samples", "worst at"]
+    assert {len(row) for row in rows} == {5}
+    assert len(rows) == 1 + 7  # the feed, and of two axes velocity, acceleration, jerk
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for line, (name, *numbers) in zip(table, rows, strict=True):
+        cells = [name.ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(numbers, widths[1:], strict=True))]
+        assert line == "  ".join(cells)
+
+
+def test_what_is_broken_stands_right_below_the_word(sound: Verdict) -> None:
+    broken = replace(sound, plan_report=report_with(sound.plan_report, (0, 1.5, False)))
+    lines = [line.rstrip() for line in text_of(broken).splitlines()]
+    assert lines[lines.index("LIMIT BROKEN") + 1].startswith("  1 of the plan; the worst is")
+
+
+def test_a_broken_limit_is_told_before_a_bound_that_is_not_proved(sound: Verdict) -> None:
+    proof: Any = SimpleNamespace(
+        ok=False, proved=0.5, claimed=0.6, statement="no plan", refusal="proves 0.5 s, not 0.6 s"
+    )
+    proof.allowance, proof.scale, proof.stops = 0.0, 1.0, ()
+    unproved = replace(sound, proof=proof)
+    lines = [line.rstrip() for line in text_of(unproved).splitlines()]
+    assert (unproved.holds, unproved.ok) == (True, False)
+    assert lines[-2:] == ["NOT PROVED", "  proves 0.5 s, not 0.6 s"]
+    assert json.loads(to_json(unproved))["lower_bound_is"] == "proved by the certificate"
+    broken = replace(unproved, plan_report=report_with(sound.plan_report, (0, 1.5, False)))
+    assert "LIMIT BROKEN" in text_of(broken)
+    assert "NOT PROVED" not in text_of(broken)
+    proved = replace(sound, proof=SimpleNamespace(**vars(proof) | {"ok": True}))  # type: ignore[arg-type]
+    assert proved.ok
+    assert "OK  every limit holds" in text_of(proved)

@@ -134,11 +134,11 @@ class NurbsCurve(Curve):
                 origin = start[:, :-1] / start[:, -1:]
                 points = points - origin[:, None]
             coefficients = self._taylor(np.concatenate([points * weights, weights], axis=2), breaks)
+            resting = np.asarray(np.ptp(points, axis=1) == 0.0)
         if not rational:
             coefficients /= self.weights[0]
             coefficients[:, -1] = 0.0
             coefficients[:, -1, 0] = 1.0
-        resting = np.asarray(np.ptp(points, axis=1) == 0.0)
         return Pieces(breaks, coefficients, rational, resting, origin)
 
     def _acting(self, rows: FloatArray, breaks: FloatArray) -> FloatArray:

@@ -22,7 +22,7 @@ from planner.programs.done import Done
 from planner.programs.journal import Journal
 from planner.programs.run import Run
 from planner.programs.times import largest_share, times_at
-from planner.programs.window import Kept, Planner, State, violations_of
+from planner.programs.window import Kept, Planner, State
 
 _NAMES = (
     "t",
@@ -116,9 +116,10 @@ def _window(journal: Journal, planner: Planner, index: int, state: State, said: 
     profile = _profile(journal, planner, run, columns, index)
     curve, limits = planner.limited(run)
     report = check(curve, limits, profile)
-    broken = violations_of(report, run, planner.path.program.line)
-    if len(broken) > len(said.violations):
-        raise journal.refusal(path, f"it breaks a limit, which the run that wrote it did not say ({broken[0]})")
+    kept = planner.kept_of(state, run, profile, report, columns, stopped=edge == last and not ends_at_stop)
+    if len(kept.violations) > len(said.violations):
+        broken = kept.violations[0]
+        raise journal.refusal(path, f"it breaks a limit, which the run that wrote it did not say ({broken})")
     start = np.array([state.t, state.u])
     count = columns["edges"].size - 1
     ends = np.append(run.u[run.u < end], end)
@@ -138,27 +139,12 @@ def _window(journal: Journal, planner: Planner, index: int, state: State, said: 
     slack = _SAME + 2.0 * float(np.diff(profile.t).max())
     if (columns["binding"][inner] != longest[inner]).any() or not np.allclose(columns["held"], held, atol=slack):
         raise journal.refusal(path, "it names other limits than those that hold its lines back")
-    joint = (abs(float(profile.feed[0]) - state.feed), abs(float(profile.acceleration[0]) - state.acceleration))
     largest = float(np.min(limits.acceleration))
-    if joint[0] > _JOINT_FEED * float(profile.feed.max()) or joint[1] > _JOINT_ACCELERATION * largest:
+    if kept.joint[0] > _JOINT_FEED * float(profile.feed.max()) or kept.joint[1] > _JOINT_ACCELERATION * largest:
         raise journal.refusal(
-            path, f"it begins with {joint[0]:.3g} mm/s and {joint[1]:.3g} mm/s^2 off the state of the window before it"
+            path,
+            f"it begins with {kept.joint[0]:.3g} mm/s and {kept.joint[1]:.3g} mm/s^2 off the state of the window before it",
         )
-    stopped = edge == last and not ends_at_stop
-    kept = Kept(
-        columns=columns,
-        t=state.t + float(profile.t[-1]),
-        u=state.u + float(end),
-        report=report,
-        limit_names=profile.limit_names,
-        stopped=stopped,
-        joint=joint,
-        share=state.share,
-        deviation=state.deviation,
-        deviation_row=state.deviation_row,
-        violations=broken,
-        notes=planner.notes_of(state, run, stopped=stopped),
-    )
     return _Restored(kept, planner.state_after(state, run, edge, profile, at_rest=edge == last))
 
 

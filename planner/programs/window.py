@@ -320,23 +320,35 @@ class Planner:
         longest, held = largest_share(profile, times)
         columns |= {"row": run.row[:count], "edges": ends, "seconds": np.diff(times)[:count]}
         columns |= {"binding": longest[:count], "held": held[:count]}
-        joint = (abs(float(profile.feed[0]) - state.feed), abs(float(profile.acceleration[0]) - state.acceleration))
+        return self.kept_of(state, run, profile, window.report, columns, stopped=stopped)
+
+    def kept_of(
+        self,
+        state: State,
+        run: Run,
+        profile: FeedrateProfile,
+        report: Report,
+        columns: dict[str, NDArray[Any]],
+        *,
+        stopped: bool,
+    ) -> Kept:
+        """What is kept of a plan of a run that begins in a state: the columns, up to the last of their edges."""
         return Kept(
             columns=columns,
-            t=state.t + float(profile.t[node]),
-            u=state.u + u_end,
-            report=window.report,
+            t=state.t + float(columns["t"][-1]),
+            u=state.u + float(columns["edges"][-1]),
+            report=report,
             limit_names=profile.limit_names,
             stopped=stopped,
-            joint=joint,
+            joint=(abs(float(profile.feed[0]) - state.feed), abs(float(profile.acceleration[0]) - state.acceleration)),
             share=state.share,
             deviation=state.deviation,
             deviation_row=state.deviation_row,
-            violations=violations_of(window.report, run, self.path.program.line),
-            notes=self.notes_of(state, run, stopped=stopped),
+            violations=violations_of(report, run, self.path.program.line),
+            notes=self._notes_of(state, run, stopped=stopped),
         )
 
-    def notes_of(self, state: State, run: Run, *, stopped: bool) -> tuple[str, ...]:
+    def _notes_of(self, state: State, run: Run, *, stopped: bool) -> tuple[str, ...]:
         """What is to be said of a window, whose path is the run."""
         if not stopped:
             return state.notes

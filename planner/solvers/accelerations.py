@@ -97,7 +97,7 @@ class _Stage:
             np.ascontiguousarray(rows.reshape(*rows.shape[:2], *at.shape)),
             speeds.reshape(-1, *at.shape),
             command_kind(section.curve, limits, inner.reshape(-1), left.reshape(-1)).reshape(at.shape),
-            _reserved(section, u),
+            np.tile(1.0 / section.usable(u[:-1]), (2, 1)),
             (ends[0], ends[1]),
             np.zeros(h.size),
         )
@@ -193,15 +193,6 @@ class _Stage:
         """The same with tighter limits in the intervals that exceed them."""
         excess = np.stack([used.speed[::2], used.acceleration[::2]])
         return replace(self, margin=self.margin * np.where(excess > 1.0, 1.0 + _MARGIN_GAIN * (excess - 1.0), 1.0))
-
-
-def _reserved(section: Section, u: FloatArray) -> FloatArray:
-    """Margins (2, n) by the share of the limits that a section leaves unused."""
-    margin = np.ones((2, u.size - 1))
-    if section.reserve:
-        begins, unused = (np.array(column) for column in zip(*section.reserve, strict=True))
-        margin /= np.append(1.0, 1.0 - unused)[np.searchsorted(begins, u[:-1], side="right")]
-    return margin
 
 
 def plan_section(section: Section, limits: Limits, intervals: int) -> tuple[TimeNodes, float, float, dict[str, Any]]:

@@ -148,7 +148,7 @@ class _Program:
         }
         constraint = casadi.vertcat(self.equations, *rows)
         statement: Any = {"x": casadi.vertcat(*self.states, *own), "f": time, "g": constraint}
-        options: Any = {"print_time": False, "ipopt": ipopt}
+        options: Any = {"print_time": False, "show_eval_warnings": False, "ipopt": ipopt}
         solver = casadi.nlpsol("feedrate", "ipopt", statement, options)
         found = solver(
             x0=start.reshape(-1),
