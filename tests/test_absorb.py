@@ -67,6 +67,12 @@ def test_a_short_block_beside_a_corner_costs_nothing(seed):
     assert_costs_nothing(angle, tolerance, float(rng.choice(LENGTHS)), place)
 
 
+@pytest.mark.parametrize("length", [2e-3, 5e-3, 1e-2, 1.4e-2])
+def test_short_blocks_that_go_on_straight_beside_a_bend_cost_nothing(length):
+    """They made the bend look like a curve of short chords, of a radius of micrometres."""
+    assert_costs_nothing(10.0, 0.01, length, "both")
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("place", ["before", "after", "both"])
 @pytest.mark.parametrize("tolerance", TOLERANCES)

@@ -4,7 +4,8 @@ A corner takes 8 A of both its blocks.  Beside a block of a micrometre it would 
 nothing, for a detail that the tolerance allows to leave out.  So runs of such blocks become one line, in four passes:
 
 1.  share 0.02 of the tolerance: blocks that are too short for the corner at one of their ends, with the blocks beside them
-    as far as the corner wants to reach; and blocks shorter than 0.2 tolerances with a turn at one end;
+    as far as the corner wants to reach; and blocks with a turn at one end that are shorter than 0.2 tolerances, or than 1.5
+    tolerances where they go on straight at the other;
 2.  shares 0.1, 0.5 and 0.9: blocks too short for the corner at one of their ends.
 
 A vertex is left out where a line between vertices that stay passes all those between within the share, in their order: then
@@ -35,8 +36,8 @@ from planner.programs.program import ARC, AXES, LINE, Program, rows_of
 from planner.programs.sizes import rooms
 
 _SHARES = (0.02, 0.1, 0.5, 0.9)  # of the tolerance
-_MICRO = 0.2  # of the tolerance
-_TURN = 0.01  # rad; the chords of a curve turn by less
+_MICRO, _SHORT = 0.2, 1.5  # of the tolerance
+_TURN, _ALONE = 0.01, 0.1  # rad; the chords of a curve turn by less, or at either end alike
 _SPARE_TIME = 1e-4  # s
 
 
@@ -283,6 +284,10 @@ def _loose(blocks: Blocks, own: FloatArray, *, beside: bool) -> NDArray[np.bool_
     else:
         wanted[1:-1] = np.where(corner, reach, 0.0)
     tight = length < np.maximum(wanted[:-1], wanted[1:])
+    if beside:
+        turns = np.concatenate([[np.nan], np.where(blocks.stop, np.nan, turn), [np.nan]])
+        least, most = np.minimum(turns[:-1], turns[1:]), np.maximum(turns[:-1], turns[1:])
+        tight |= (length < _SHORT * own) & (most > _TURN) & (least < _ALONE * most)
     loose = np.zeros(edges.size, dtype=np.bool_)
     loose[:-1] |= tight
     loose[1:] |= tight
