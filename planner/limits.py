@@ -299,6 +299,10 @@ def load_limits(path: str | Path) -> Limits:
     InputError
         Naming the file, the key, its value and what is allowed.
     """
+    if path == "":
+        raise InputError(
+            f"machine '' must be a file, .toml or .ini, or an example machine: {', '.join(EXAMPLE_MACHINES)}"
+        )
     if isinstance(path, str) and path in EXAMPLE_MACHINES:
         text = resources.files("planner").joinpath(f"data/machines/{path}.toml").read_text(encoding="utf-8")
         return _limits_from_toml(text, path)

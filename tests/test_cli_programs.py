@@ -420,3 +420,38 @@ def test_no_input_and_no_other_output_is_replaced(run, tmp_path, monkeypatch, op
     assert message in " ".join(err.split())
     assert (tmp_path / "part.ngc").read_text() == text
     assert sorted(path.name for path in tmp_path.iterdir()) == ["part.ngc"]
+
+
+def test_a_table_of_another_curve_is_the_fault_not_its_tolerance(run, corners, tmp_path):
+    table = tmp_path / "table.csv"
+    assert run("plan", corners, "--tolerance-mm", "0.02", "-o", table)[0] == 0
+    assert run("check", table, corners)[0] == 0
+    for command in (("check", table, "teardrop"), ("replay", table, "teardrop")):
+        code, out, err = run(*command)
+        assert (code, out) == (2, "")
+        assert "the table is for the curve corners.ngc" in err
+        assert "not for teardrop" in err
+        assert "--tolerance-mm" not in err
+
+
+@pytest.mark.parametrize("command", ["plan", "time", "windows", "ngc", "check", "compare"])
+def test_an_empty_name_is_no_machine(run, corners, tmp_path, command):
+    output = tmp_path / "output.npz"
+    options = {
+        "windows": (corners, "-o", output),
+        "ngc": (corners, "-o", output),
+        "check": (tmp_path / "table.csv", corners),
+        "compare": ("teardrop",),
+    }.get(command, (corners,))
+    if command == "check":
+        assert run("plan", corners, "-o", tmp_path / "table.csv")[0] == 0
+    code, out, err = run(command, *options, "--machine", "")
+    assert (code, out) == (2, "")
+    assert flat(err) == "error: machine '' must be a file, .toml or .ini, or an example machine: mill, five-axis"
+    assert not output.exists()
+
+
+def test_a_directory_is_no_curve(run, tmp_path):
+    code, _, err = run("plan", tmp_path)
+    assert code == 2
+    assert "is a directory; give a .json" in err

@@ -318,15 +318,22 @@ class TestText:
         assert parts.line_count == whole.line_count
 
 
+O_WORDS = "O words (program numbers, subroutines, loops) are not read; delete the number, or write out the blocks"
+NO_END = "end of file: there is no M2, M30 or closing %; the file may have been cut off, else end it with M2"
 REFUSED = {
     # text: message after the name of the file
     "G1 X1 F60\nG1 X2 W3\nM2": "2: W3: only the axes X, Y and Z are read",
     "A90\nM2": "1: A90: rotary axes are not read",
-    "O100 sub\nM2": "1: SUB: a letter needs a number after it",
-    "o<drill> call\nM2": "1: O<DRILL>: subroutines are not read",
-    "O100\nM2": "1: O100: subroutines are not read",
-    "#1=5\nM2": "1: #: parameters are not read; write the number",
-    "G1 X[1+2]\nM2": "1: X[1+2]: a letter needs a number after it",
+    "O100 sub\nM2": f"1: O100 SUB: {O_WORDS}",
+    "N5 o7 while [#1 lt 2]\nM2": f"1: O7 WHILE [#1 LT 2]: {O_WORDS}",
+    "o<drill> call\nM2": f"1: O<DRILL> CALL: {O_WORDS}",
+    "O100\nM2": f"1: O100: {O_WORDS}",
+    "#1=5\nM2": "1: #1=5: parameters are not read; write the number",
+    "G1 X#5 F600\nM2": "1: X#5: parameters are not read; write the number",
+    "G1 X-#<depth> F600\nM2": "1: X-#<DEPTH>: parameters are not read; write the number",
+    "G1 X10 F600\n[1+2]\nM2": "2: [1+2]: expressions are not read; write the number",
+    "G1 Xsin[30] F600\nM2": "1: XSIN[30]: expressions are not read; write the number",
+    "G1 X[1+2]\nM2": "1: X[1+2]: expressions are not read; write the number",
     "/G1 X1\nM2": "1: /: block delete is not read; remove the block or the stroke",
     "G41 D1\nM2": "1: G41: cutter compensation is not read",
     "G43 H1\nM2": "1: G43: tool length offsets are not read",
@@ -393,10 +400,11 @@ REFUSED = {
     "%\n%\n%": "3: %: a third %; one opens the file, and one closes it",
     "G1 X1 F60\n%": "2: %: closes a file that no % opens",
     "% G1 X1 F60\nM2": "1: %: must stand alone in its line",
-    "G1 X1 F60\nG1 X2": "2: end of file: there is no M2, M30 or closing %; the file may have been cut off",
-    "G1 X1 F60\nG1 X2\n": "2: end of file: there is no M2, M30 or closing %; the file may have been cut off",
-    "%\nG1 X1 F60\nG1 X2": "3: end of file: the closing % is missing; the file may have been cut off",
-    "": "1: end of file: there is no M2, M30 or closing %; the file may have been cut off",
+    "G1 X1 F60\nG1 X2": f"2: {NO_END}",
+    "G1 X1 F60\nG1 X2\n": f"2: {NO_END}",
+    "%\nG1 X1 F60\nG1 X2": "3: end of file: the closing % is missing; the file may have been cut off, else end it with %",
+    "": "1: end of file: there is no block in it; a program needs a move and M2",
+    "(nothing but this)\n\n": "2: end of file: there is no block in it; a program needs a move and M2",
     "G1 X1 F60\nG1 X2 Y\n": "2: Y: a letter needs a number after it",
     "G1 X1" + "0" * 400 + " F60\nM2": (
         "1: X1" + "0" * 55 + "...: the number must be at most 1e+09"

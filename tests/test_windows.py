@@ -444,6 +444,7 @@ def test_a_damaged_state_is_named(tmp_path):
     done = CliRunner().invoke(app, arguments)
     assert done.exit_code == 2
     assert "state.npz: is damaged" in done.output
+    assert f"to begin again, plan with --fresh, or delete the directory {work}" in " ".join(done.output.split("\n"))
     assert (work / "state.npz").read_bytes() == b"no archive"
     assert CliRunner().invoke(app, [*arguments, "--fresh", "--tolerance-mm", "0.01"]).exit_code == 0
 

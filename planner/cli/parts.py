@@ -102,6 +102,10 @@ def is_program(source: str) -> bool:
     return Path(source).suffix.lower() in PROGRAM_SUFFIXES
 
 
+def _is_points(source: str) -> bool:
+    return Path(source).suffix.lower() == ".csv"
+
+
 def require_program(source: str, what: str) -> None:
     """Refuse a curve without lines."""
     if not is_program(source):
@@ -122,13 +126,14 @@ def load_part(
     Of the tolerance the path takes ``share``, less than 1 where a program is to be written; without a machine, the
     example that has the curve's axes counts.
     """
-    from planner import load_limits, read_program
+    from planner import read_program
     from planner.geometry.curve import ROTARY_AXES
 
     tolerance = _positive(tolerance)
     if is_program(source):
         _require_scale(source, scale)
-        limits = _changed(load_limits(machine or "mill"), feed, period)
+        limits, named = load_machine(machine)
+        limits = _changed(limits, feed, period)
         program = read_program(source)
         if len(program) > _LONG:
             typer.echo(
@@ -136,11 +141,20 @@ def load_part(
                 "feedplan windows plans any number",
                 err=True,
             )
-        return _part(source, program, limits, machine or "mill (example machine)", tolerance, share)
+        return _part(source, program, limits, named, tolerance, share)
     plain = _load_plain(source, scale, tolerance, share)
     example = "five-axis" if ROTARY_AXES & set(plain.curve.axes) else "mill"
-    limits = _changed(load_limits(machine or example).for_curve(plain.curve), feed, period)
-    return plain.part(limits, machine or f"{example} (example machine)")
+    limits, named = load_machine(machine, example)
+    return plain.part(_changed(limits.for_curve(plain.curve), feed, period), named)
+
+
+def load_machine(machine: str | None, example: str = "mill") -> tuple[Limits, str]:
+    """Load the limits of a machine, or of an example where none is given; with them comes what to call it."""
+    from planner import load_limits
+
+    if machine is None:
+        return load_limits(example), f"{example} (example machine)"
+    return load_limits(machine), machine
 
 
 def load_part_of_table(
@@ -150,12 +164,14 @@ def load_part_of_table(
 
     The path of a part program depends on the limits it was made for and on the tolerance: both stand in the header.
     """
-    from planner import load_limits, read_program, table_limits
+    from planner import read_program, table_limits
     from planner.tables import table_origin
 
     own, said = table_limits(table), table_origin(table)
     tolerance = _positive(tolerance)
-    if tolerance is None and said.get(_TOLERANCE_KEY, _OWN) != _OWN:
+    # A table of an exact curve says no tolerance: one that does is of another curve, as reading it will tell.
+    inexact = is_program(source) or _is_points(source)
+    if tolerance is None and inexact and said.get(_TOLERANCE_KEY, _OWN) != _OWN:
         tolerance = _number(table, said, _TOLERANCE_KEY)
     share = _number(table, said, _SHARE_KEY) if _SHARE_KEY in said else 1.0
     if is_program(source):
@@ -166,7 +182,8 @@ def load_part_of_table(
         part = _load_plain(source, scale, tolerance, share).part(own, f"limits in {table}")
     if machine is None:
         return part
-    return replace(part, limits=load_limits(machine).for_curve(part.curve), machine=machine)
+    limits, named = load_machine(machine)
+    return replace(part, limits=limits.for_curve(part.curve), machine=named)
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,7 +204,7 @@ def _load_plain(source: str, scale: float, tolerance: float | None, share: float
     from planner import load_curve
     from planner.geometry.points import FittedCurve, read_points
 
-    if Path(source).suffix.lower() != ".csv":
+    if not _is_points(source):
         if tolerance is not None and share == 1.0:
             raise InputError(f"--tolerance-mm = {tolerance!r} is for part programs and points; {source} is exact")
         return _Plain(load_curve(source, scale=scale), tolerance or DEFAULT_TOLERANCE)

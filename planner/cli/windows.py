@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from planner.cli.app import BROKEN, AsJson, Machine, app, exits, show
-from planner.cli.parts import Tolerance, require_program
+from planner.cli.parts import Tolerance, load_machine, require_program
 from planner.progress import PLAN_KERNELS
 
 if TYPE_CHECKING:
@@ -47,18 +47,16 @@ def windows(
     """
     with exits():
         require_program(program, "feedplan windows")
-        from planner import load_limits
         from planner.programs.windows import plan_program
         from planner.progress import ProgressLine, load_kernels
 
-        limits = load_limits(machine or "mill")
+        limits, name = load_machine(machine)
         limits = limits if feed_mm_s is None else limits.with_feed(feed_mm_s)
         load_kernels(_KERNELS)
         began = time.perf_counter()
         with ProgressLine() as line:
             plan = plan_program(program, limits, tolerance_mm, output=output, progress=line, resume=not fresh)
         seconds = time.perf_counter() - began
-        name = machine or "mill (example machine)"
         if as_json:
             typer.echo(_json(plan, name, seconds))
         else:

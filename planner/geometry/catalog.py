@@ -67,8 +67,11 @@ def load_curve(source: str | Path, *, scale: float = 1.0) -> Curve:
     if kind in {".dxf", ".csv"}:
         return _scaled(_from_drawing(source, kind), scale)
     if kind not in {".json", ".toml"}:
+        named = isinstance(source, str | os.PathLike)
+        what = "a directory; give" if named and os.path.isdir(source) else "neither"
+        join = "or" if what != "neither" else "nor"
         raise CurveError(
-            f"curve {str(source)!r} is neither a .json, .toml, .dxf or .csv file nor a name: {', '.join(CATALOG)}"
+            f"curve {str(source)!r} is {what} a .json, .toml, .dxf or .csv file {join} a name: {', '.join(CATALOG)}"
         )
     table = _read(source, kind)
     inner = table.get("curve", table)

@@ -1,25 +1,27 @@
 """Blocks that lie inside the tolerance are absorbed before the junctions are looked at.
 
 A corner takes 8 A of both its blocks.  Beside a block of a micrometre it would shrink to nanometres and the feed in it to
-nothing, for a detail that the tolerance allows to leave out.  So runs of such blocks become one line, in three passes:
+nothing, for a detail that the tolerance allows to leave out.  So runs of such blocks become one line, in four passes:
 
 1.  share 0.02 of the tolerance: blocks that are too short for the corner at one of their ends, with the blocks beside them
-    as far as the corner wants to reach; and blocks shorter than 0.05 tolerances with a turn at one end;
-2.  share 0.1, and
-3.  share 0.5: blocks too short for the corner at one of their ends.
+    as far as the corner wants to reach; and blocks with a turn at one end that are shorter than 0.2 tolerances, or than 1.5
+    tolerances where they go on straight at the other;
+2.  shares 0.1, 0.5 and 0.9: blocks too short for the corner at one of their ends.
 
 A vertex is left out where a line between vertices that stay passes all those between within the share, in their order: then
 no point of either is farther from the other (the distance of two segments whose ends are matched is convex).  What a line
 is off is taken from the tolerance of what is made of it, so the path keeps to the program's own; that is measured against
-the blocks as they were written.
+the blocks as they were written.  In the end what a line is off is measured without regard to the order, and how large a
+corner beside it may be as well (``sizes``): a spike along a line, or a block across a corner, takes less than its length.
 
-Never left out: the ends of the program, stops, rapids and blocks without a tolerance, arcs longer than 0.05 tolerances, and
+Never left out: the ends of the program, stops, rapids and blocks without a tolerance, arcs longer than 0.2 tolerances, and
 blocks with a feed of their own that would take longer than 0.1 ms.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,10 +33,11 @@ from planner.programs.deviation import Programmed
 from planner.programs.measure import Place, Written
 from planner.programs.moves import Blocks
 from planner.programs.program import ARC, AXES, LINE, Program, rows_of
+from planner.programs.sizes import rooms
 
-_SHARES = (0.02, 0.1, 0.5)  # of the tolerance
-_MICRO = 0.05  # of the tolerance
-_TURN = 0.01  # rad; the chords of a curve turn by less
+_SHARES = (0.02, 0.1, 0.5, 0.9)  # of the tolerance
+_MICRO, _SHORT = 0.2, 1.5  # of the tolerance
+_TURN, _ALONE = 0.01, 0.1  # rad; the chords of a curve turn by less, or at either end alike
 _SPARE_TIME = 1e-4  # s
 
 
@@ -55,6 +58,8 @@ class Absorbed:
         Abscissae of the given vertices on ``program``, mm, not decreasing.
     edges : (k + 1,) array
         Abscissae at which its moves begin and end.
+    room : (k - 1,) array
+        The distance that a corner between two of them may keep from its vertex, by measurement, mm.
     count : int
         Blocks shorter than the tolerance that are no more.
     longest, largest : float
@@ -66,6 +71,7 @@ class Absorbed:
     owner: NDArray[np.intp]
     place: FloatArray
     edges: FloatArray
+    room: FloatArray
     count: int
     longest: float
     largest: float
@@ -102,15 +108,19 @@ def absorb(program: Program, blocks: Blocks) -> Absorbed:
         work = _with_arcs_moved(work, share, beside=number == 0)
     lengths = program.lengths[blocks.row]
     gone = (np.bincount(work.owner, minlength=work.own.size)[work.owner] > 1) & (lengths < work.own[work.owner])
+    place = np.maximum.accumulate(work.place)
+    cost = _measured(work, moves)
+    left = work.own - cost
     return Absorbed(
-        program=replace(work.moves, tolerance=work.own - work.cost),
+        program=replace(work.moves, tolerance=left),
         own=work.own,
         owner=work.owner,
-        place=np.maximum.accumulate(work.place),
+        place=place,
         edges=work.blocks.programmed.edges,
+        room=rooms(work.blocks.programmed, blocks.programmed, place, work.own, left, work.blocks.stop),
         count=int(np.count_nonzero(gone)),
         longest=float(lengths[gone].max(initial=0.0)),
-        largest=float(work.cost.max()),
+        largest=float(cost.max()),
     )
 
 
@@ -162,6 +172,50 @@ def _pass(work: _Work, share: float, *, beside: bool) -> NDArray[np.bool_]:
     kept = np.empty(loose.size, dtype=np.uint8)
     kernels.absorb(points, rows, loose.astype(np.uint8), share, kept)
     return kept.astype(np.bool_)
+
+
+def _measured(work: _Work, written: Program) -> FloatArray:
+    """How far the moves are off the blocks they stand for, at most, (k,), mm; no more than the passes know.
+
+    A block of lines is cut where it leaves the slab between the ends of its line.  A part within is as far from the line as
+    the farther of its ends; all of them together pass every point of the line.  A part without, of a spike along the line
+    or over its end, may be nearer to one of the neighbours, for all its length: then it is laid to the charge of both.
+    """
+    row, moves, own = work.owner, work.moves, work.own
+    several = (np.bincount(row, minlength=own.size) > 1) & (np.bincount(row, written.kind == ARC, own.size) == 0.0)
+    cost = np.where(several, 0.0, work.cost)
+    some = np.flatnonzero(several[row])
+    at, start, vector = row[some], written.start[some], (written.end - written.start)[some]
+    begin, end = (_along(moves, at, points) for points in (start, written.end[some]))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        leaves = np.nan_to_num(np.array([-begin, 1.0 - begin]) / (end - begin))
+    cuts = np.stack([np.zeros(some.size), *np.sort(np.clip(leaves, 0.0, 1.0), axis=0), np.ones(some.size)])
+    for lo, hi in pairwise(cuts):
+        parts = [start + share[:, None] * vector for share in (lo, hi)]
+        nearest, away = at, np.where(lo < hi, _away(moves, at, parts), 0.0)
+        middle = begin + 0.5 * (lo + hi) * (end - begin)
+        outside = (middle <= 0.0) | (middle >= 1.0)
+        for step in (-1, 1):
+            other = np.clip(at + step, 0, own.size - 1)
+            found = _away(moves, other, parts)
+            nearer = outside & (found < away) & (moves.kind[other] == LINE) & (own[other] >= own[at])
+            nearest, away = np.where(nearer, other, nearest), np.where(nearer, found, away)
+        for charged in (at, nearest):
+            np.maximum.at(cost, charged, away)
+    return cost
+
+
+def _along(moves: Program, row: NDArray[np.intp], points: FloatArray) -> FloatArray:
+    """Where points (n, 3) are along the lines ``row`` (n,), as a share of their length."""
+    vector = (moves.end - moves.start)[row]
+    return np.asarray(np.sum((points - moves.start[row]) * vector, axis=1) / np.sum(vector**2, axis=1).clip(1e-300))
+
+
+def _away(moves: Program, row: NDArray[np.intp], ends: list[FloatArray]) -> FloatArray:
+    """Distance of straight parts with these ends from the lines ``row``, at most, (n,), mm."""
+    vector = (moves.end - moves.start)[row]
+    feet = (moves.start[row] + np.clip(_along(moves, row, points), 0.0, 1.0)[:, None] * vector for points in ends)
+    return np.maximum(*(np.sqrt(np.sum((p - foot) ** 2, axis=1)) for p, foot in zip(ends, feet, strict=True)))
 
 
 def _bow(moves: Program, length: FloatArray) -> FloatArray:
@@ -230,6 +284,10 @@ def _loose(blocks: Blocks, own: FloatArray, *, beside: bool) -> NDArray[np.bool_
     else:
         wanted[1:-1] = np.where(corner, reach, 0.0)
     tight = length < np.maximum(wanted[:-1], wanted[1:])
+    if beside:
+        turns = np.concatenate([[np.nan], np.where(blocks.stop, np.nan, turn), [np.nan]])
+        least, most = np.minimum(turns[:-1], turns[1:]), np.maximum(turns[:-1], turns[1:])
+        tight |= (length < _SHORT * own) & (most > _TURN) & (least < _ALONE * most)
     loose = np.zeros(edges.size, dtype=np.bool_)
     loose[:-1] |= tight
     loose[1:] |= tight

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.geometry.curve import FloatArray
-from planner.programs.words import Faults, IntArray, Mask, Words
+from planner.programs.words import O_WORDS, Faults, IntArray, Mask, Words
 
 MAX_NUMBER = 1e9  # beyond it the digits of a double no longer hold a path in mm to 1e-7
 
@@ -47,7 +47,7 @@ _REFUSED_G = {
 _REFUSED_LETTERS = {
     **dict.fromkeys("ABC", "rotary axes are not read"),
     **dict.fromkeys("UVW", "only the axes X, Y and Z are read"),
-    "O": "subroutines are not read",
+    "O": O_WORDS,
     "D": "cutter compensation is not read",
     "H": "tool length offsets are not read",
     "L": "repetitions are not read",

@@ -3,7 +3,7 @@
 | junction | becomes |
 |---|---|
 | demanded by the program, beside a rapid, or a turn of more than 150 degrees | exact stop |
-| a turn of more than 20 degrees | cubic corner; smaller where the blocks are too short for it |
+| a turn of more than 21 degrees | cubic corner; smaller where the blocks are too short for it |
 | up to 45 degrees, and the blocks far too short for the corner | tube |
 | a smaller turn, or a jump of curvature | tube |
 | a corner too small to be worth passing | exact stop |
@@ -42,7 +42,7 @@ from planner.geometry.curve import FloatArray
 from planner.programs.deviation import Programmed
 
 LARGEST_TURN = np.deg2rad(150.0)
-CORNER_TURN = np.deg2rad(20.0)
+CORNER_TURN = np.deg2rad(21.0)  # no round number, on which the last digit of an angle would decide
 SHARP_TURN = np.deg2rad(45.0)
 # A corner that keeps less of its size than this is left to the tube, where it is not sharp.
 _WORTH_SHRINKING = 0.5
@@ -92,7 +92,9 @@ class Junctions:
         return BLEND_REACH * self.size
 
 
-def classify(programmed: Programmed, tolerance: FloatArray, stop: NDArray[np.bool_]) -> Junctions:
+def classify(
+    programmed: Programmed, tolerance: FloatArray, stop: NDArray[np.bool_], room: FloatArray | None = None
+) -> Junctions:
     """Decide what every junction becomes.
 
     Parameters
@@ -103,6 +105,8 @@ def classify(programmed: Programmed, tolerance: FloatArray, stop: NDArray[np.boo
         Of each block, mm; the smaller of two counts at their junction, and none is a stop.
     stop : (m - 1,) bool array
         Stops that the program demands.
+    room : (m - 1,) array, optional
+        How far corners may pass from their vertices, mm, in place of the tolerance.
     """
     edges, length = programmed.edges, np.diff(programmed.edges)
     before, after = (tangents(programmed, edges[1:-1], left=left) for left in (True, False))
@@ -118,16 +122,17 @@ def classify(programmed: Programmed, tolerance: FloatArray, stop: NDArray[np.boo
     kind[(allowed <= 0.0) & (kind != Junction.SMOOTH)] = Junction.STOP
     # Where the exact mode begins or ends, a tube must not lead on, however straight the program goes on.
     kind[(tolerance[:-1] <= 0.0) != (tolerance[1:] <= 0.0)] = Junction.STOP
+    room = allowed if room is None else room
     size = np.zeros(turn.size)
     longer = np.maximum(length[:-1], length[1:])
     for _ in range(3):  # a corner left to the tube, or to a stop, gives room to its neighbours
         corner = kind == Junction.CORNER
-        full = _WITHIN * allowed[corner] / chord[corner]
+        full = _WITHIN * room[corner] / chord[corner]
         whole = np.concatenate([[False], corner, [False]])
-        room = length * np.where(whole[:-1] & whole[1:], SHARE_OF_BLOCK, 2.0 * SHARE_OF_BLOCK)
+        space = length * np.where(whole[:-1] & whole[1:], SHARE_OF_BLOCK, 2.0 * SHARE_OF_BLOCK)
         tubes = np.concatenate([[False], kind == Junction.TUBE, [False]])
-        room = np.where(tubes[:-1] | tubes[1:], np.minimum(room, SHARE_OF_BLOCK * length), room)
-        fits = np.minimum(room[:-1], room[1:])[corner] / BLEND_REACH
+        space = np.where(tubes[:-1] | tubes[1:], np.minimum(space, SHARE_OF_BLOCK * length), space)
+        fits = np.minimum(space[:-1], space[1:])[corner] / BLEND_REACH
         size[:] = 0.0
         size[corner] = np.minimum(full, fits)
         weak = (fits < _WORTH_SHRINKING * full) & (turn[corner] <= SHARP_TURN)
@@ -135,7 +140,7 @@ def classify(programmed: Programmed, tolerance: FloatArray, stop: NDArray[np.boo
         kind[(kind == Junction.CORNER) & (size < _SMALLEST * longer)] = Junction.STOP
         size[kind != Junction.CORNER] = 0.0
     junctions = Junctions(kind, turn, bend, size)
-    _fit_to_arcs(programmed, junctions, allowed)
+    _fit_to_arcs(programmed, junctions, room)
     return junctions
 
 

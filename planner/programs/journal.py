@@ -63,7 +63,7 @@ class Journal:
     def refusal(self, path: Path, reason: str) -> InputError:
         """What to say of a file of the journal that does not count."""
         return InputError(
-            f"{path}: {reason}; to begin again, plan with --fresh (resume=False), or delete {self.directory.name}"
+            f"{path}: {reason}; to begin again, plan with --fresh, or delete the directory {self.directory}"
         )
 
     def state(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]] | None:

@@ -125,14 +125,14 @@ class PathSource:
         while True:
             view = _View.of(self, cursor, count)
             share = 1.0
-            for _ in range(_MOST_TRIES):
-                pieces = view.fit(share)
+            for number in range(_MOST_TRIES + 1):  # as for the path of a whole program
+                pieces = view.fit(share, None if number else view.room)
                 if pieces is None:
                     break
                 part = _measured(view, pieces)
                 if part.share <= 1.0:
                     return part, _next(view, pieces, part)
-                share *= _NARROWER / part.share
+                share *= _NARROWER / part.share if number else 1.0
             else:
                 line = self.program.line[part.deviation_row]
                 raise SolverError(
@@ -189,6 +189,11 @@ class _View:
         written = Written(programmed, place, lines)
         return cls(source, cursor, first, blocks, own, given, written, start, last == size)
 
+    @property
+    def room(self) -> FloatArray:
+        """How far the corners may pass from their vertices, by measurement."""
+        return self.source.absorbed.room[self.first : self.first + self.own.size - 1]
+
     def row_before(self, junction: int) -> int:
         """The row of the program whose end a junction is."""
         last = self.source.given(0, self.first + junction + 1).stop - 1
@@ -207,10 +212,10 @@ class _View:
             return float(edges[-1])
         return float(min(edges[-1] - 2.0 * _MARGIN - _SHORT_REST, edges[max(edges.size - 1 - _AHEAD, 0)]))
 
-    def fit(self, share: float) -> _Pieces | None:
-        """Fit the tubes with a share of their tolerance; None where the part would have no length."""
+    def fit(self, share: float, room: FloatArray | None) -> _Pieces | None:
+        """Fit tubes with a share of their tolerance, corners within ``room``; None where the part would have no length."""
         blocks, limits = self.blocks, self.source.limits
-        junctions = classify(blocks.programmed, blocks.tolerance, blocks.stop)
+        junctions = classify(blocks.programmed, blocks.tolerance, blocks.stop, room)
         s = self.edges[1:-1]
         halts = s[(junctions.kind == Junction.STOP) & (s > self.start + _BESIDE) & (s <= self.known)]
         end = float(halts[-1]) if halts.size and halts[-1] > 0.5 * (self.start + self.known) else np.inf

@@ -131,13 +131,14 @@ def program_path(program: Program, tolerance: float | None, limits: Limits) -> P
     at = [limits.axes.index(axis) for axis in blocks.axes]
     rows = {name: getattr(limits, name)[at] for name in ("velocity", "acceleration", "jerk")}
     shaped = Limits(limits.feed, **rows, axes=blocks.axes, rapid=limits.rapid)
+    # The rooms of the corners were measured one by one, which serves nearly always; else the other tries do without.
     share = 1.0
-    for _ in range(_MOST_TRIES):
-        built = _build(blocks, shaped, share)
+    for number in range(_MOST_TRIES + 1):
+        built = _build(blocks, shaped, share, None if number else absorbed.room)
         found, largest = _measure(absorbed, built, written)
         if largest <= 1.0:
             return _report(program, (given, absorbed, blocks), built, found, largest)
-        share *= _NARROWER / largest
+        share *= _NARROWER / largest if number else 1.0
     raise SolverError(
         f"{program.source}: the path leaves the tolerance by {largest - 1.0:.2g} of it at abscissa {found.abscissa:.6g} mm; "
         "give a larger tolerance"
@@ -156,12 +157,12 @@ class _Built:
     reasons: dict[int, str]
 
 
-def _build(blocks: Blocks, limits: Limits, share: float) -> _Built:
+def _build(blocks: Blocks, limits: Limits, share: float, room: FloatArray | None) -> _Built:
     """Classify the junctions, fit the tubes, and put exact stops where one cannot be kept within tolerance.
 
-    ``share`` is the part of the tolerance that the tubes may use.
+    ``share`` is the part of the tolerance that the tubes may use, ``room`` what the corners may.
     """
-    junctions = classify(blocks.programmed, blocks.tolerance, blocks.stop)
+    junctions = classify(blocks.programmed, blocks.tolerance, blocks.stop, room)
     reasons: dict[int, str] = {}
     tubes: list[Fitted] = []
     todo = _stretches(blocks, junctions)[::-1]

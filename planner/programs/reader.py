@@ -142,9 +142,17 @@ class _State:
     def require_end(self) -> None:
         """Refuse a file without an end."""
         if not self.ended:
-            what = "the closing % is missing" if self.percents else "there is no M2, M30 or closing %"
             line = max(self.line_count, 1)
-            raise InputError(f"{self.source}:{line}: end of file: {what}; the file may have been cut off")
+            if self.blocks == 0:
+                raise InputError(
+                    f"{self.source}:{line}: end of file: there is no block in it; a program needs a move and M2"
+                )
+            what, end = (
+                ("the closing % is missing", "%") if self.percents else ("there is no M2, M30 or closing %", "M2")
+            )
+            raise InputError(
+                f"{self.source}:{line}: end of file: {what}; the file may have been cut off, else end it with {end}"
+            )
 
     def program(self) -> Program:
         """Put the parts together."""

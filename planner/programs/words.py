@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,6 +21,9 @@ Mask = NDArray[np.bool_]
 _CHUNK_BYTES = 4 * 1024**2  # bounds the memory of the tables made of it, about 30 bytes for each of these
 _MAX_LINE_BYTES = 64 * 1024  # no block is that long: what has longer lines is no part program
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+O_WORDS = "O words (program numbers, subroutines, loops) are not read; delete the number, or write out the blocks"
+PARAMETERS = "parameters are not read; write the number"
+EXPRESSIONS = "expressions are not read; write the number"
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,21 +151,36 @@ def _complaint(text: bytes, what: int, at: int) -> str:
         case kernels.BYTE:
             return f"byte 0x{text[at]:02x}: not a character of a part program; the file is binary or damaged"
         case kernels.NO_NUMBER:
-            reason = "subroutines are not read" if text[at] in b"Oo" else "a letter needs a number after it"
-            return f"{_excerpt(text, at)}: {reason}"
+            return _unread(text, at)
         case kernels.NO_LETTER:
             return f"{_excerpt(text, at)}: a number needs a letter before it"
         case kernels.OPEN_COMMENT:
             return f"{_excerpt(text, at)}: a comment that is not closed with ) in its line, or that holds another"
     character = chr(text[at])
     known = {
-        "#": "parameters are not read; write the number",
-        "[": "expressions are not read; write the number",
+        "#": PARAMETERS,
+        "[": EXPRESSIONS,
         "/": "block delete is not read; remove the block or the stroke",
         "@": "polar coordinates are not read; write X, Y and Z",
         "^": "polar coordinates are not read; write X, Y and Z",
     }
-    return f"{character}: {known.get(character, 'no word starts with it')}"
+    shown = _excerpt(text, at) if character in "#[" else character
+    return f"{shown}: {known.get(character, 'no word starts with it')}"
+
+
+def _unread(text: bytes, at: int) -> str:
+    """Word and reason for a letter, at an offset, that no number follows."""
+    begin, end = text.rfind(b"\n", 0, at) + 1, (text + b"\n").find(b"\n", at)
+    name = re.match(rb"\s*(N\s*\d+\s*)?(?=O)", text[begin:end], re.IGNORECASE)
+    if name:
+        block = text[begin + name.end() : end].decode("latin-1").upper()
+        return f"{' '.join(block.split())[:20]}: {O_WORDS}"
+    shown = _excerpt(text, at)
+    if re.match(rb"\s*[-+]?\s*#", text[at + 1 : end]):
+        return f"{shown}: {PARAMETERS}"
+    if re.match(rb"\s*[-+]?\s*[A-Z]*\s*\[", text[at + 1 : end], re.IGNORECASE):
+        return f"{shown}: {EXPRESSIONS}"
+    return f"{shown}: a letter needs a number after it"
 
 
 def _excerpt(text: bytes, at: int) -> str:
