@@ -105,6 +105,8 @@ rates = st.floats(0.1, 1e4)
 )
 @example([-90.0, -90.0], (217.0, 153.0, 0.5, 3.0), 0.5, 0.5)  # rounding takes it 1e-9 above its jerk limit
 @example([-90.0, -90.0], (314.0, 223.0, 0.5, 7.0), 0.5, 0.5)  # 3e-8
+@example([-90.0, -90.0], (652.0, 462.0, 0.5, 31.0), 0.5, 0.5)  # 6e-7, what Ruckig ends off shared out over the phases
+@example([-90.0, -90.0], (992.0, 899.0, 0.5, 20.0), 0.5, 0.5)  # 1.4e-6
 def test_any_line_with_any_entry_and_exit_feed(end, bounds, start_share, end_share):
     feed, *per_axis = bounds
     limits = Limits(feed, *([bound * (1.0 + j) for j in range(len(end))] for bound in per_axis))

@@ -276,8 +276,10 @@ def _at_trial_places(
 def _phases(solver: _Ruckig, plan: _Plan) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Phases of a plan: durations and jerks (n,), and states (3, n + 1) at their beginnings and at the end."""
     _, phases, states = _trace(solver, plan.ends(np.arange(plan.time.size)), plan.tops)
-    # A block ends some digits off its end; spread over its phases, that does not show in the jerk.
-    states[0] += (states[0] - plan.s[:-1, None]) * (np.diff(plan.s) / (states[0, :, -1] - plan.s[:-1]) - 1.0)[:, None]
+    # A block ends some digits off its end.  What that adds to the jerk of a phase goes with 1 / h^3, so h^3 shares it out.
+    share = np.cumsum(phases[0] ** 3, axis=1)
+    share /= np.where(share[:, -1:] > 0.0, share[:, -1:], 1.0)
+    states[0, :, 1:] += (plan.s[1:] - states[0, :, -1])[:, None] * share
     resolved = 4.0 * np.finfo(np.float64).eps * plan.time.sum()  # a shorter phase begins and ends at one time
     block, phase = np.nonzero(phases[0] > resolved)
     begin = np.flatnonzero(np.append(True, (phase[1:] != 3) | (phase[:-1] != 3)))  # two cruises in a row are one
