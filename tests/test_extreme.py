@@ -73,6 +73,7 @@ def test_a_solve_that_fails_names_its_stretch(monkeypatch):
         (2328, "tangential acceleration of samples, a path of 40 nm"),
         (2336, "tangential jerk of samples where the tip turns back"),
         (2364, "the same, back and forth within one period"),
+        (2769, "jerk of samples on a path of 1 um, degree 4"),
     ],
 )
 def test_a_curve_of_the_sweep_that_once_broke_a_limit_is_planned(seed, why):

@@ -113,11 +113,11 @@ class NurbsCurve(Curve):
 
         Rounding grows with the sum of a piece's coefficients against its value, so spans are split where that is large.
         A polynomial of degree p on 1/m of its span has coefficients up to (1 + 2/m)^p times the control points:
-        m = (p - 1) // 2 keeps the factor below 82.  Denominators that fall from large to small weights within a span
-        are halved until they no longer cancel.
+        m = p - 1 keeps the factor below 8, and 27 is left of a whole cubic span.  Denominators that fall from large to
+        small weights within a span are halved until they no longer cancel.
         """
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            breaks = _subdivide(self._spans, max(1, (self.degree - 1) // 2))
+            breaks = _subdivide(self._spans, 1 if self.degree <= 3 else self.degree - 1)
             rational = bool(np.any(self.weights != self.weights[0]))
             while rational:
                 denominator = self._taylor(self._acting(self.weights[:, None], breaks), breaks)[:, 0]
