@@ -21,6 +21,7 @@ from planner.geometry.inputs import numbers, shorten
 MAX_DEGREE = 100  # a bound on the work; the digits would last longer
 # Sum of a denominator's coefficients against its value: loses one of 16 digits.
 _LARGEST_CANCELLATION = 8.0
+_DIGITS_OF_A_PART = 2.0**20
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,12 +190,13 @@ class NurbsCurve(Curve):
 
 
 def _subdivide(edges: FloatArray, parts: int) -> FloatArray:
-    """Split every interval into equal parts; an interval too narrow for it gives fewer."""
+    """Split every interval into equal parts, but for those in which a digit of u is a share of a part."""
     if parts == 1:
         return edges
-    steps = np.arange(parts) / parts
-    inner = edges[:-1, None] + np.diff(edges)[:, None] * steps
-    return np.unique(np.append(np.minimum(inner, edges[1:, None]), edges[-1]))
+    steps = np.arange(1, parts) / parts
+    wide = np.diff(edges) > _DIGITS_OF_A_PART * parts * np.spacing(np.abs(edges).max())
+    inner = edges[:-1][wide, None] + np.diff(edges)[wide, None] * steps
+    return np.union1d(edges, inner)
 
 
 def _finite(values: ArrayLike, what: str, name: str) -> FloatArray:
