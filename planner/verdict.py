@@ -33,6 +33,7 @@ _LIMITS = (
     "jerk at a curvature break",
 )
 _SHARE_SHOWN = 0.005  # limits that hold the path back for less of the time are summed up
+_CHECK_TOLERANCE = 2e-6  # of the time: by so much a plan may gain within the tolerance of its check
 _WORTH_SHOWN = 1e-4  # of the duration
 _NOTES_SHOWN = 8
 _LINES_SHOWN = 8
@@ -82,8 +83,13 @@ class Verdict:
 
     @property
     def ok(self) -> bool:
-        """Every limit holds, and the certificate proves the bound if there is one."""
-        return self.holds and (self.proof is None or self.proof.ok)
+        """Every limit holds, and nothing contradicts the lower bound: neither its certificate nor the plan itself."""
+        return self.holds and (self.proof is None or self.proof.ok) and not self.contradicted
+
+    @property
+    def contradicted(self) -> bool:
+        """The lower bound lies above a plan that keeps every limit: the bound is wrong."""
+        return self.holds and self.gap < -_CHECK_TOLERANCE
 
     @property
     def lower_bound(self) -> float:
@@ -242,8 +248,11 @@ def to_text(verdict: Verdict) -> RenderableType:
     if verdict.ok:
         count = verdict.samples.t.size
         return Group(*parts, Text(f"OK  every limit holds, for the plan and for its {count} samples", "bold green"))
-    if verdict.holds and verdict.proof is not None:
+    if verdict.holds and verdict.proof is not None and not verdict.proof.ok:
         return Group(*parts, Text("NOT PROVED", "bold red"), Padding(Text(verdict.proof.refusal), (0, 0, 0, 2)))
+    if verdict.holds:
+        text = f"every limit holds, but the lower bound is {_contradiction(verdict)}"
+        return Group(*parts, Text("BOUND CONTRADICTED", "bold red"), Padding(Text(text), (0, 0, 0, 2)))
     return Group(*parts, Text("LIMIT BROKEN", "bold red"), Padding(Text(_broken(verdict)), (0, 0, 0, 2)))
 
 
@@ -270,6 +279,12 @@ def _shortened(notes: list[str]) -> list[str]:
     return [*notes[: _NOTES_SHOWN - 1], f"{len(notes) - _NOTES_SHOWN + 1} more notes are in --json"]
 
 
+def _contradiction(verdict: Verdict) -> str:
+    """Say whose error a lower bound above a sound plan is."""
+    own = "an error of this program; please report it with the curve and the limits"
+    return f"above the time of the plan: {'the claim of the table is false' if verdict.bound_claimed else own}"
+
+
 def _facts(verdict: Verdict) -> RenderableType:
     from rich.console import Group
 
@@ -288,11 +303,13 @@ def _facts(verdict: Verdict) -> RenderableType:
     if math.isfinite(verdict.gap):
         gap = _percent(verdict.gap, 2)
         bound = f"{verdict.lower_bound:.6g} s; the gap is at most {gap}"
-        if verdict.gap < 0.0 and not verdict.holds:
+        if verdict.contradicted:
+            bound = f"{verdict.lower_bound:.9g} s is {_contradiction(verdict)}"
+        elif verdict.gap < 0.0 and not verdict.holds:
             bound = f"{verdict.lower_bound:.6g} s; no plan within the limits is as fast as this one, which breaks them"
         if verdict.proof is not None:
             bound += f", {verdict.bound_from}"
-        elif verdict.bound_claimed:
+        elif verdict.bound_claimed and not verdict.contradicted:
             bound = f"{verdict.lower_bound:.6g} s is the table's claim, not checked; if true, the gap is at most {gap}"
     else:
         bound = "none from this method"

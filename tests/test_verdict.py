@@ -190,6 +190,20 @@ def test_quantities(value: float, said: str) -> None:
     assert quantity(0.5, "") == "0.5"
 
 
+@pytest.mark.parametrize(("claimed", "said"), [(True, "the claim of the table is false"), (False, "please report it")])
+def test_a_bound_above_a_sound_plan_is_no_ok(sound: Verdict, claimed: bool, said: str) -> None:
+    stats = {**sound.profile.stats, "bound_claimed": claimed}
+    above = replace(sound.profile, lower_bound=(1.0 + 3e-6) * sound.profile.duration, stats=stats)
+    verdict = replace(sound, profile=above)
+    assert verdict.contradicted
+    assert not verdict.ok
+    text = text_of(verdict)
+    assert "BOUND CONTRADICTED" in text
+    assert said in text
+    assert "OK " not in text
+    assert replace(sound, profile=replace(above, lower_bound=(1.0 + 1e-6) * sound.profile.duration)).ok
+
+
 def test_a_plan_below_the_bound_is_told_to_break_its_limits(sound: Verdict) -> None:
     above = replace(sound.profile, lower_bound=1.01 * sound.profile.duration)
     broken = report_with(sound.plan_report, (0, 1.5, False))
