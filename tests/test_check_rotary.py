@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 from check_plans import AXIS_LIMITS, check, profile_on, sampled, scurve, tangential, unlimited
 
+from planner.check import tiplength
+from planner.check.tiplength import tip_steps
 from planner.geometry.catalog import load_curve
+from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
 from planner.limits import Limits
 from planner.profile import Samples
@@ -125,3 +128,34 @@ def test_the_tip_starts_from_rest_in_the_parameter():
     assert report.start_acceleration == pytest.approx(18.0, rel=1e-12)
     assert report.row("tangential jerk").worst == pytest.approx(30.0, rel=1e-9)
     assert report.row("velocity", "A").worst == pytest.approx(3.0, rel=1e-12)
+
+
+def test_steps_of_the_tip_are_lengths_and_negative_after_it_has_turned_back():
+    """A circle against R times the angle; on X = cos v the way back of an axis, as A goes on, against X itself."""
+    u = np.linspace(0.0, 2.0 * np.pi, 40_001)
+    circle = FormulaCurve({"X": "1e4*cos(u)", "Y": "1e4*sin(u)"}, (0.0, 2.0 * np.pi))
+    steps, doubt = tip_steps(circle, u)
+    assert steps == pytest.approx(1e4 * np.diff(u), rel=1e-12, abs=0.0)
+    assert doubt < 1e-11
+    there_and_back = FormulaCurve({"X": "3*cos(u)", "Y": "4*cos(u)", "A": "u"}, (0.0, 3.0 * np.pi))
+    u = np.sort(np.random.default_rng(3).uniform(0.0, 3.0 * np.pi, 500))
+    steps, doubt = tip_steps(there_and_back, u)
+    assert steps == pytest.approx(-5.0 * np.diff(np.cos(u)), abs=1e-11)
+    assert doubt < 1e-11
+
+
+def test_rounding_of_the_speed_is_told_and_not_halved_away(monkeypatch):
+    """Speeds with an error of 1e-10: an honest doubt, and no more than a few points for each step."""
+    circle = FormulaCurve({"X": "10*cos(u)", "Y": "10*sin(u)"}, (0.0, 6.0))
+    rng, looked_at, norm = np.random.default_rng(5), [], tiplength.norm
+
+    def noisy(vectors):
+        looked_at.append(len(vectors))
+        return norm(vectors) * (1.0 + 1e-10 * rng.normal(size=len(vectors)))
+
+    monkeypatch.setattr(tiplength, "norm", noisy)
+    u = np.linspace(0.0, 6.0, 1001)
+    steps, doubt = tip_steps(circle, u)
+    off = np.abs(steps - 10.0 * np.diff(u)).max()
+    assert 0.5 * off <= doubt <= 1e-9 * 0.06
+    assert sum(looked_at) <= 8 * 8 * u.size

@@ -23,6 +23,8 @@ _REST_SEARCHES = 3  # each narrows the place by 3e4
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 _NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
 _TARGET = 1e-13  # of a step: the disagreement of a sum with that over its halves
+# What is below the first, and not below the second of what it was before halving, is the rounding of |C'|.
+_NOISE, _BETTER = 1e-9, 0.1
 _HALVINGS = 20
 
 
@@ -57,19 +59,19 @@ def _lengths(tip: Curve, lower: FloatArray, upper: FloatArray) -> tuple[FloatArr
 
     total, doubt = np.zeros(lower.size), 0.0
     owner, lo, hi = np.arange(lower.size), lower, upper
-    whole = sums(lo, hi)
+    whole, before = sums(lo, hi), np.full(lower.size, np.inf)
     for level in range(_HALVINGS):
         middle = 0.5 * (lo + hi)
         first, second = sums(lo, middle), sums(middle, hi)
         apart = np.abs(first + second - whole)
-        again = (apart > _TARGET * np.abs(whole)) & (level < _HALVINGS - 1)
-        # What halving does not mend is the rounding of |C'|.
+        share = np.divide(apart, whole, out=np.zeros_like(whole), where=whole > 0.0)
+        again = (share > _TARGET) & ((share > _NOISE) | (share < _BETTER * before)) & (level < _HALVINGS - 1)
         again &= (middle > lo) & (middle < hi)
         total += np.bincount(owner[~again], (first + second)[~again], lower.size)
         doubt = max(doubt, float(apart[~again].max(initial=0.0)))
         if not again.any():
             break
-        owner = np.tile(owner[again], 2)
+        owner, before = np.tile(owner[again], 2), np.tile(share[again], 2)
         lo, hi = np.concatenate([lo[again], middle[again]]), np.concatenate([middle[again], hi[again]])
         whole = np.concatenate([first[again], second[again]])
     return total, doubt
