@@ -414,3 +414,31 @@ def test_a_bound_whose_coordinate_does_not_grow_is_none(monkeypatch):
     ):
         certify(curve, case.limits, profile, intervals=250)
     assert np.isnan(plan_feedrate(curve, case.limits, intervals=250).lower_bound)
+
+
+@pytest.mark.parametrize(("above", "raises"), [(1.9e-6, False), (2.1e-6, True)])
+def test_a_bound_may_exceed_a_plan_by_what_its_check_grants(monkeypatch, above, raises):
+    curve, limits = load_curve("circle"), load_limits("mill").for_curve(load_curve("circle"))
+    profile = plan_feedrate(curve, limits, intervals=100)
+    _, splines = bounds._certified(
+        bounds.sections_between(curve, limits, {}, 0.0, 0.0, periodic=False)[0],
+        limits,
+        100,
+        Pace(profile.u, profile.t),
+        periodic=False,
+    )
+    monkeypatch.setattr(bounds, "_certified", lambda *_, **__: (profile.duration * (1.0 + above), splines))
+    if raises:
+        with pytest.raises(SolverError, match="an error of this program"):
+            certify(curve, limits, profile)
+    else:
+        assert certify(curve, limits, profile) > profile.duration
+
+
+def test_a_closed_path_from_rest_to_rest_is_not_periodic():
+    """Feed and acceleration are the same at both ends there too: nothing."""
+    curve, limits = load_curve("circle"), load_limits("mill").for_curve(load_curve("circle"))
+    profile = plan_feedrate(curve, limits, intervals=100)
+    silent = replace(profile, stats={name: value for name, value in profile.stats.items() if name != "periodic"})
+    assert profile.feed[0] == profile.feed[-1] == 0.0
+    assert not certify(curve, limits, silent).certificate.periodic
