@@ -39,6 +39,7 @@ from planner.stage import WORTH_SAYING, Progress
 Method = Literal["optimal", "nlp", "toppra", "scurve"]
 
 _MAX_INTERVALS = 20_000_000
+_LARGEST_SHARE = 1.0 - 1e-6  # of an acceleration at the start: the solver begins inside its limits
 _HARDLY_A_PLAN = 10.0  # of slowing down as a whole
 
 
@@ -105,7 +106,7 @@ def plan_feedrate(
     _validate(curve, limits, method, start_feed, end_feed, periodic, budget, intervals)
     sections = cut(curve, limits, start_feed, end_feed, exact_stop=exact_stop, periodic=periodic)
     if start_acceleration is not None:
-        _require_continued(start_feed, start_acceleration, method)
+        _require_continued(curve, limits, start_feed, start_acceleration, method)
         sections[0] = replace(sections[0], start_acceleration=start_acceleration)
     if reserve:
         begins = [u for u, _ in reserve]
@@ -165,14 +166,18 @@ def _validate(
         raise InputError(f"method = {method!r} must be one of {', '.join(get_args(Method))}")
     if not budget > 0.0:
         raise InputError(f"budget = {budget!r} s must be > 0")
-    if intervals is not None and not MIN_INTERVALS <= intervals <= _MAX_INTERVALS:
-        raise InputError(f"intervals = {intervals!r} must lie within [{MIN_INTERVALS}, {_MAX_INTERVALS}]")
+    if intervals is not None:
+        whole = isinstance(intervals, int | np.integer) and not isinstance(intervals, bool)
+        if not whole:
+            raise InputError(f"intervals = {intervals!r} must be a whole number")
+        if not MIN_INTERVALS <= intervals <= _MAX_INTERVALS:
+            raise InputError(f"intervals = {intervals!r} must lie within [{MIN_INTERVALS}, {_MAX_INTERVALS}]")
     if periodic:
         if method not in {"optimal", "nlp"}:
             raise InputError(f"periodic = True is planned by the methods optimal and nlp, not by {method!r}")
         _require_closed(curve, start_feed, end_feed)
     for name, feed, u in (("start_feed", start_feed, curve.domain[0]), ("end_feed", end_feed, curve.domain[1])):
-        if not (np.isfinite(feed) and feed >= 0.0):
+        if not (isinstance(feed, int | float | np.number) and np.isfinite(feed) and feed >= 0.0):
             raise InputError(f"{name} = {feed!r} mm/s must be >= 0 and finite")
         if feed > 0.0:
             allowed = float(feedrate_limits(curve, limits, u).lowest)
@@ -182,13 +187,29 @@ def _validate(
                 )
 
 
-def _require_continued(start_feed: float, start_acceleration: float, method: str) -> None:
+def _require_continued(curve: Curve, limits: Limits, start_feed: float, start_acceleration: float, method: str) -> None:
     if not np.isfinite(start_acceleration):
         raise InputError(f"start_acceleration = {start_acceleration!r} mm/s^2 must be finite")
     if start_feed == 0.0:
         raise InputError("start_acceleration needs a start_feed > 0; a path begins at rest without acceleration")
     if method not in {"optimal", "nlp"}:
         raise InputError(f"start_acceleration is kept by the methods optimal and nlp, not by {method!r}")
+    if abs(start_acceleration) >= limits.tangential_acceleration * _LARGEST_SHARE:
+        raise InfeasibleError(
+            f"start_acceleration = {start_acceleration:g} mm/s^2 must stay below the tangential acceleration, "
+            f"{limits.tangential_acceleration:g} mm/s^2"
+        )
+    q, tip = (part.derivatives(curve.domain[0], 2) for part in (curve, curve.tip))
+    speed = float(np.sqrt(tip[1] @ tip[1]))
+    slope = q[1] / speed
+    bend = (q[2] - slope * (tip[1] @ tip[2] / speed)) / speed**2
+    of_axes = np.abs(slope * start_acceleration + bend * start_feed**2)
+    for axis, size, most in zip(curve.axes, of_axes, limits.acceleration, strict=True):
+        if size >= most * _LARGEST_SHARE:
+            raise InfeasibleError(
+                f"start_acceleration = {start_acceleration:g} mm/s^2 at {start_feed:g} mm/s takes {size:.9g} of "
+                f"acceleration {axis}, which must stay below {most:g}; lower it, or the feed"
+            )
 
 
 def _require_closed(curve: Curve, start_feed: float, end_feed: float) -> None:

@@ -331,7 +331,8 @@ def not_met(section: Section, slowdown: float) -> str:
     """Say that a plan with prescribed feeds exceeds its limits."""
     return (
         f"the plan from start_feed = {section.start_feed or 0.0:g} to end_feed = {section.end_feed or 0.0:g} mm/s "
-        f"still exceeds its limits, {slowdown:.9g} times as fast as allowed; try other feeds or more intervals"
+        f"between u = {section.u_start:.9g} and {section.u_end:.9g} still exceeds its limits, {slowdown:.9g} times as "
+        "fast as allowed; try other feeds or more intervals"
     )
 
 

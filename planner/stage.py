@@ -294,9 +294,11 @@ def _not_found(section: Section, error: SolverError) -> str:
 
 def _not_attainable(section: Section, error: SolverError) -> str:
     length = float(np.diff(section.curve.arclength.s([section.u_start, section.u_end]))[0])
+    given = section.start_acceleration
+    continued = "" if np.isnan(given) else f", start_acceleration = {given:g} mm/s^2,"
     return (
-        f"no plan found from start_feed = {section.start_feed or 0.0:g} to end_feed = {section.end_feed or 0.0:g} mm/s "
-        f"between u = {section.u_start:.6g} and {section.u_end:.6g} (length {length:.6g} mm): {error}; a prescribed feed "
+        f"no plan found from start_feed = {section.start_feed or 0.0:g}{continued} to end_feed = "
+        f"{section.end_feed or 0.0:g} mm/s between u = {section.u_start:.6g} and {section.u_end:.6g} (length {length:.6g} mm): {error}; a prescribed feed "
         "must be attainable under the limits, lower it"
     )
 

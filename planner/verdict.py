@@ -301,7 +301,7 @@ def _facts(verdict: Verdict) -> RenderableType:
         named("plan", f"{profile.method}, {profile.t.size} nodes" + _planned_in(verdict.planning_time)),
     ]
     if math.isfinite(verdict.gap):
-        gap = _percent(verdict.gap, 2)
+        gap = _percent(max(verdict.gap, 0.0) if verdict.holds else verdict.gap, 2)
         bound = f"{verdict.lower_bound:.6g} s; the gap is at most {gap}"
         if verdict.contradicted:
             bound = f"{verdict.lower_bound:.9g} s is {_contradiction(verdict)}"

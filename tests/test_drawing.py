@@ -412,3 +412,13 @@ def test_points_nearer_than_the_digits_of_the_parameter_are_one(tmp_path):
     path = tmp_path / "points.csv"
     path.write_text("0,0\n10,0\n10,1e-14\n20,5\n30,5\n")
     assert read_points(path, 1e-3).length == pytest.approx(31.3, abs=0.5)
+
+
+@pytest.mark.parametrize("header", ["", "0\nSECTION\n2\nHEADER\n9\n$ACADVER\n1\nAC1015\n0\nENDSEC\n"])
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_a_drawing_that_names_no_unit_is_in_mm(tmp_path, header, end):
+    """Also without any HEADER, as small exporters write it: ezdxf 1.4 would have it in metres."""
+    line = "0\nLINE\n8\n0\n10\n0\n20\n0\n11\n10\n21\n0\n"
+    text = f"{header}0\nSECTION\n2\nENTITIES\n{line}0\nENDSEC\n0\nEOF\n"
+    (tmp_path / "plain.dxf").write_bytes(text.replace("\n", end).encode())
+    assert read_dxf(tmp_path / "plain.dxf").length == pytest.approx(10.0, rel=1e-12)

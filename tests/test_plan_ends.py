@@ -275,6 +275,34 @@ def test_start_accelerations_that_are_not_allowed(options: dict[str, Any], messa
         plan_feedrate(line(30.0), plane(), **options)
 
 
+@pytest.mark.parametrize("given", [1000.0, -1000.0, 5000.0])
+def test_a_start_acceleration_beyond_an_axis_names_it(given: float) -> None:
+    """On the line of 30 mm along X all of it is the axis'."""
+    with pytest.raises(
+        InfeasibleError, match=rf"start_acceleration = {given:g} mm/s\^2 at 50 mm/s takes .* of acceleration X"
+    ):
+        plan_feedrate(line(30.0), plane(), start_feed=50.0, start_acceleration=given)
+    with pytest.raises(InfeasibleError, match="must stay below the tangential acceleration, 300 mm"):
+        plan_feedrate(line(30.0), plane(tangential_acceleration=300.0), start_feed=50.0, start_acceleration=given)
+    assert plan_feedrate(line(30.0), plane(), start_feed=50.0, start_acceleration=999.99).duration > 0.0
+
+
+def test_a_start_acceleration_counts_with_the_curvature() -> None:
+    """On a circle of 20 mm, where the tangent is at 45 degrees: X takes (500 + 80^2 / 20) / sqrt 2."""
+    circle = FormulaCurve({"X": "20*cos(u)", "Y": "20*sin(u)"}, (0.25 * np.pi, 3.0))
+    limits = plane(acceleration=[550.0, 1000.0])
+    with pytest.raises(InfeasibleError, match=r"takes 579.827\d* of acceleration X, which must stay below 550"):
+        plan_feedrate(circle, limits, start_feed=80.0, start_acceleration=500.0)
+
+
+@pytest.mark.parametrize(
+    "options", [{"intervals": "100"}, {"intervals": 100.5}, {"intervals": True}, {"start_feed": "5"}]
+)
+def test_numbers_of_another_kind_are_refused(options: dict[str, Any]) -> None:
+    with pytest.raises(InputError, match=f"{next(iter(options))} = "):
+        plan_feedrate(line(30.0), plane(), **options)
+
+
 def test_an_axis_without_a_jerk_limit_may_begin_beside_one_that_has_it() -> None:
     """Y moves first and has none: little is lost against the bound without any, and nothing is exceeded."""
     ellipse = FormulaCurve({"X": "30*cos(u)", "Y": "10*sin(u)"}, (0.0, 2.0 * np.pi))

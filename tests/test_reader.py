@@ -575,3 +575,11 @@ class TestAgainstLinuxCNC:
         else:
             assert ours.kind[k] == (RAPID if name == "STRAIGHT_TRAVERSE" else LINE)
             assert values[:3] == pytest.approx(ours.end[k], abs=1e-3)
+
+
+def test_lines_that_end_with_cr_alone_are_named(tmp_path):
+    (tmp_path / "mac.ngc").write_bytes(b"G21 G90\rG0 X0 Y0\rG1 X10 F600\rM2\r")
+    with pytest.raises(InputError, match=r"mac\.ngc: its lines end with CR alone; save it with LF or CR LF"):
+        read_program(tmp_path / "mac.ngc")
+    (tmp_path / "one.ngc").write_bytes(b"G21 G90 G1 X10 F600 M2\r\n")
+    assert read_program(tmp_path / "one.ngc").lengths.sum() == pytest.approx(10.0)

@@ -301,7 +301,9 @@ def test_a_plan_with_prescribed_feeds_that_exceeds_its_limits_is_refused() -> No
     free, prescribed = task_of()[0], task_of(start=10.0, end=5.0)[0]
     refine._require_met(free, round_of(slowdown=1.5))
     refine._require_met(prescribed, round_of(slowdown=1.0 + 0.9e-6))
-    with pytest.raises(SolverError, match=r"start_feed = 10 to end_feed = 5 mm/s still exceeds .* 1\.000002 times"):
+    with pytest.raises(
+        SolverError, match=r"start_feed = 10 to end_feed = 5 mm/s between u = 0 and 1 still exceeds .* 1\.000002 times"
+    ):
         refine._require_met(prescribed, round_of(slowdown=1.000002))
 
 

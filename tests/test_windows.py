@@ -476,3 +476,16 @@ def test_a_reserve_is_left_from_its_parameter_on():
     for reserve in ([(begins, 1.0)], [(begins, 0.1), (0.0, 0.2)]):
         with pytest.raises(InputError, match="reserve"):
             plan_feedrate(curve, PLANE, reserve=reserve)
+
+
+@pytest.mark.parametrize("lead", [0.1, 1.0, 1.9, 2.5])
+def test_a_corner_shortly_after_the_start_is_that_of_the_whole_program(tmp_path, lead):
+    """The run of chords behind it is a tube of its own: reaching back to the start it was cut into stops."""
+    angle = np.linspace(0.0, 1.0, 100)
+    chords = "".join(f"G1 X{20.0 * np.cos(a) - 20.0:.4f} Y{20.0 * np.sin(a):.4f}\n" for a in angle[1:])
+    (tmp_path / "lead.ngc").write_text(f"G21 G90 G64 P0.01\nG0 X{-lead} Y0\nG1 X0 F6000\n{chords}M2\n")
+    source = read_program(tmp_path / "lead.ngc")
+    plan = plan_program(source, LIMITS, output=tmp_path / "plan.npz")
+    assert plan.ok
+    assert plan.stops == 0
+    assert plan.duration == pytest.approx(whole_duration(source, None), rel=2e-4)

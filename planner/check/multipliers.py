@@ -106,14 +106,15 @@ class Multipliers:
         """Integral of sum |m| over the section, s; exact."""
         a, b = self.acceleration[:, 0], self.acceleration[:, 1]
         size = np.abs(a) + np.abs(b)
-        crossing = np.divide(a**2 + b**2, 2.0 * size, out=np.zeros_like(size), where=size > 0.0)
-        return float(np.sum(np.where(a * b < 0.0, crossing, 0.5 * size) * self.h))
+        with np.errstate(over="ignore", invalid="ignore"):  # of a certificate that was changed: no bound comes of it
+            crossing = np.divide(a**2 + b**2, 2.0 * size, out=np.zeros_like(size), where=size > 0.0)
+            return float(np.sum(np.where(a * b < 0.0, crossing, 0.5 * size) * self.h))
 
     def signs_change(self) -> FloatArray:
         """Places r in (0, 1) at which an l passes 0, (2 K, M); nan where there is none."""
         a, b, c = (self.jerk[:, k] for k in range(3))
         quadratic, half = a - 2.0 * b + c, b - a
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             root = np.sqrt(half**2 - quadratic * a)
             # One root without cancellation, the other from the product of both.
             far = -(half + np.copysign(root, half))

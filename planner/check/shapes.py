@@ -72,7 +72,9 @@ def _require_arrays(section: CertificateSection, certificate: Certificate, where
     step, u = np.diff(section.sigma), section.u[0]
     bad = np.flatnonzero(step < 0.0)
     if bad.size:
-        raise InputError(f"{where}: sigma[{bad[0] + 1}] = {section.sigma[bad[0] + 1]!r} is less than the one before")
+        raise InputError(
+            f"{where}: sigma[{bad[0] + 1}] = {float(section.sigma[bad[0] + 1])!r} is less than the one before"
+        )
     double = np.flatnonzero(step == 0.0)
     if double.size and (double[0] == 0 or double[-1] == n - 2 or (np.diff(double) == 1).any()):
         raise InputError(f"{where}: no knot may be threefold, and none at the ends double")

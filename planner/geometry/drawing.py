@@ -10,6 +10,7 @@ in which they lie.
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -117,6 +118,9 @@ def read_dxf(path: str | Path, *, layer: str | None = None) -> NurbsCurve:
     return _joined(_chained(long, str(path)), file.stem)
 
 
+_HEADER = re.compile(rb"^[ \t]*2[ \t]*\r?\n[ \t]*HEADER[ \t]*\r?$", re.MULTILINE)
+
+
 @dataclass(frozen=True)
 class _Drawn:
     """An entity of a drawing as plain numbers, in the units of the drawing.
@@ -136,7 +140,8 @@ class _Drawn:
 
     def require_sound(self, unit: float) -> _Drawn:
         """Refuse what is no number, or no number of a drawing."""
-        sizes = np.abs(self.rows[:, :3]) * unit
+        with np.errstate(over="ignore"):
+            sizes = np.abs(self.rows[:, :3]) * unit
         if not (sizes <= _LARGEST).all():
             raise CurveError(f"{self.label}: its coordinates must be finite, and lie within {_LARGEST:g} mm of 0")
         if not np.isfinite([*self.numbers, *self.rows[:, 3:].reshape(-1)]).all():
@@ -153,7 +158,7 @@ def _drawn(file: Path, layer: str | None) -> tuple[list[_Drawn], float]:
 
     try:
         document = readfile(file)
-        code = int(document.header.get("$INSUNITS", 0))
+        code = int(document.header.get("$INSUNITS", 0)) if _has_header(file) else 0
         entities = [entity for entity in document.modelspace() if layer is None or entity.dxf.layer == layer]
         kinds = [(entity.dxftype(), str(entity.dxf.handle)) for entity in entities]
     except (DXFError, *_PARSER_ERRORS) as problem:
@@ -173,6 +178,12 @@ def _drawn(file: Path, layer: str | None) -> tuple[list[_Drawn], float]:
             raise CurveError(f"{label} has fit points only; export it with control points")
         found.append(one.require_sound(_UNITS[code]))
     return found, _UNITS[code]
+
+
+def _has_header(file: Path) -> bool:
+    """Whether a drawing says anything of itself: where it has no section HEADER, ezdxf makes one up, in metres."""
+    content = file.read_bytes()
+    return content.startswith(b"AutoCAD Binary DXF") or bool(_HEADER.search(content))
 
 
 def _numbers_of(entity: Any, kind: str, label: str) -> _Drawn:

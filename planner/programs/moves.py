@@ -33,7 +33,9 @@ class Blocks:
         """Take the moves as legs, in the axes that move or those of ``moves`` (3,)."""
         row = np.flatnonzero(program.lengths > 0.0)
         if not row.size:
-            raise CurveError(f"{program.source}: the program moves nothing; a path needs a move")
+            raise CurveError(
+                f"{program.source}: the program moves nothing, in the digits of its numbers; a path needs a move"
+            )
         moves = moving_axes(program) if moves is None else moves
         legs, length = _legs(program, row, moves)
         edges = np.concatenate([[0.0], np.cumsum(length)])

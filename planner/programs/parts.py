@@ -236,7 +236,7 @@ class _View:
             narrowed = replace(stretch, tolerance=share * stretch.tolerance)
             fitted = replace(fit(narrowed, blocks.programmed, limits, feed), tolerance=stretch.tolerance)
             if fitted.deviation > narrowed.tolerance:
-                todo += self._split(stretch, fitted, junctions, reasons)[::-1]
+                todo += self._split(narrowed, fitted, junctions, reasons)[::-1]
                 continue
             if is_open:
                 fitted = fitted.up_to(fitted.knots.size - 1 - OVERLAP)
@@ -259,7 +259,9 @@ class _View:
         start, entry = self.start, self.cursor.entry
         first = stretches[0] if stretches else None
         if entry is None:
-            if first is not None and first.start < start + _SHORT_REST:
+            s = self.edges[1:-1]
+            begun = first is not None and ((junctions.kind >= Junction.CORNER) & (s > start) & (s < first.start)).any()
+            if first is not None and first.start < start + _SHORT_REST and not begun:
                 first = replace(first, stops=(self.cursor.rests, first.stops[1])).part(start, first.end, None)
                 first = replace(first, start=start)
                 return [first, *stretches[1:]]
@@ -279,7 +281,7 @@ class _View:
         return [bridge, *stretches]
 
     def _split(self, stretch: Stretch, fitted: Fitted, junctions: Junctions, reasons: dict[int, str]) -> list[Stretch]:
-        """Put an exact stop where a tube cannot be kept within tolerance; returns what is left of its stretch."""
+        """Put an exact stop where a tube cannot be kept within its share of the tolerance; returns what is left to fit."""
         s = self.edges[1:-1]
         inner = np.flatnonzero((junctions.kind == Junction.TUBE) & (s > stretch.start + _BESIDE) & (s < stretch.end))
         if inner.size == 0:

@@ -196,7 +196,9 @@ def _path_source(program: Program, limits: Limits, tolerance: float | None) -> P
             raise InputError("tolerance = inf mm must be finite")
     program.require_axes(limits)
     if not (program.lengths > 0.0).any():
-        raise InputError(f"{program.source}: the program moves nothing; a plan needs a move")
+        raise InputError(
+            f"{program.source}: the program moves nothing, in the digits of its numbers; a plan needs a move"
+        )
     moves = moving_axes(program)
     axes = tuple(name for name, moving in zip(AXES, moves, strict=True) if moving)
     missing = [name for name in axes if name not in limits.axes]

@@ -100,6 +100,8 @@ def read_words(path: Path) -> Iterator[tuple[Words, InputError | None]]:
             raise InputError(f"{path}: is not a file")
         with open(path, "rb") as file:
             for text, error in _parts(file):
+                if done == 0 and b"\r" in text.rstrip() and b"\n" not in text:
+                    raise InputError(f"{source}: its lines end with CR alone; save it with LF or CR LF")
                 words, fault = _scan(text, source, done)
                 done += words.lines
                 if fault is None and error:
