@@ -298,8 +298,8 @@ def _not_attainable(section: Section, error: SolverError) -> str:
     continued = "" if np.isnan(given) else f", start_acceleration = {given:g} mm/s^2,"
     return (
         f"no plan found from start_feed = {section.start_feed or 0.0:g}{continued} to end_feed = "
-        f"{section.end_feed or 0.0:g} mm/s between u = {section.u_start:.6g} and {section.u_end:.6g} (length {length:.6g} mm): {error}; a prescribed feed "
-        "must be attainable under the limits, lower it"
+        f"{section.end_feed or 0.0:g} mm/s between u = {section.u_start:.6g} and {section.u_end:.6g} (length {length:.6g} "
+        f"mm): {error}; a prescribed feed must be attainable under the limits, lower it"
     )
 
 
