@@ -158,4 +158,11 @@ def test_rounding_of_the_speed_is_told_and_not_halved_away(monkeypatch):
     steps, doubt = tip_steps(circle, u)
     off = np.abs(steps - 10.0 * np.diff(u)).max()
     assert 0.5 * off <= doubt <= 1e-9 * 0.06
-    assert sum(looked_at) <= 8 * 8 * u.size
+    assert sum(looked_at) <= 3 * 8 * u.size
+
+
+def test_steps_that_no_limit_is_compared_with_are_the_same_to_the_digits_of_the_length():
+    circle = FormulaCurve({"X": "10*cos(u)", "Y": "10*sin(u)"}, (0.0, 6.0))
+    u = np.linspace(0.0, 6.0, 1001)
+    (exact, _), (quick, off) = tip_steps(circle, u), tip_steps(circle, u, exact=False)
+    assert np.abs(quick - exact).max() <= 4.0 * off < 1e-11

@@ -55,7 +55,8 @@ def check_samples(curve: Curve, limits: Limits, samples: Samples, density: int, 
             slack = 2.0**n * rounding[j] / period**n
             place = _middle(samples, k - before + 0.5 * n)
             rows.add(name, sizes[k, j], getattr(limits, name)[j], place, slack=slack, j=j)
-    steps, off = tip_steps(curve, u)
+    compared = bool(np.isfinite([limits.tangential_acceleration, limits.tangential_jerk]).any())
+    steps, off = tip_steps(curve, u, exact=compared)
     moving, before = _held(samples, steps, resting=0.0)
     for n, name in ((2, "tangential acceleration"), (3, "tangential jerk")):
         size = np.abs(np.diff(moving, n - 1)) / period**n

@@ -13,14 +13,14 @@ import numpy as np
 
 from planner.check.motion import dot, norm
 from planner.check.peaks import chunks, zoom
-from planner.check.sizes import EPS
+from planner.check.sizes import EPS, LENGTH_ACCURACY
 from planner.geometry.curve import Curve, FloatArray
 
 # The tip comes to rest where its |C'| falls below this fraction of that at the samples around: to 0 but for the digits of
 # u.  A turn, however tight, is none.
 _AT_REST = 1e-8
 _REST_SEARCHES = 3  # each narrows the place by 3e4
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
 _NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
 _TARGET = 1e-13  # of a step: the disagreement of a sum with that over its halves
 # What is below the first, and not below the second of what it was before halving, is the rounding of |C'|.
@@ -28,14 +28,21 @@ _NOISE, _BETTER = 1e-9, 0.1
 _HALVINGS = 20
 
 
-def tip_steps(curve: Curve, u: FloatArray) -> tuple[FloatArray, float]:
-    """Signed length of each step (m - 1,) between samples u (m,), and how far one may be off, mm."""
+def tip_steps(curve: Curve, u: FloatArray, *, exact: bool = True) -> tuple[FloatArray, float]:
+    """Signed length of each step (m - 1,) between samples u (m,), and how far one may be off, mm.
+
+    Not ``exact``: differences of the accumulated length where the tip cannot turn back, a quarter of the work; for samples
+    that no tangential limit is compared with.
+    """
     tip, u = curve.tip, np.maximum.accumulate(u)  # where u falls back, the check has said so
     slope = tip.derivatives(u, 1)[1]
     rounding = EPS * 0.5 * float((norm(slope) * np.abs(u)).max(initial=0.0))
     if tip.dim == 1:
         x = tip.derivatives(u, 0)[0, :, 0]
         return np.diff(x), rounding + EPS * float(np.abs(x).max(initial=0.0))
+    if tip is curve and not exact:
+        s = curve.arclength.s(u)
+        return np.diff(s), rounding + LENGTH_ACCURACY * curve.length + EPS * float(s.max(initial=0.0))
     rests = _rests(curve, u, slope)
     breaks = curve._candidate_breaks()
     edges = np.union1d(u, np.concatenate([breaks[(breaks > u[0]) & (breaks < u[-1])], rests]))
