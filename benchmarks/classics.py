@@ -26,8 +26,8 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.interpolator import environment
-from interp import classic_kernels as kernels
-from interp.feedshapes import (
+from interp.literature import classic_kernels as kernels
+from interp.literature.feedshapes import (
     FILTERS,
     SHAPES,
     FeedShape,
@@ -36,13 +36,13 @@ from interp.feedshapes import (
     interpolate_constant,
     interpolate_shape,
 )
-from interp.lookahead import PAPER_LIMITS, AdaptiveLimits, AdaptiveRun, interpolate_adaptive
-from interp.servo import Tracking, contour_error, track
+from interp.literature.lookahead import PAPER_LIMITS, AdaptiveLimits, AdaptiveRun, interpolate_adaptive
+from interp.literature.servo import Tracking, contour_error, track
 from interp.taylor import packed_curve
 from planner.errors import InputError
+from planner.files.whole_file import require_writable, whole_file
 from planner.geometry.catalog import load_curve
 from planner.geometry.curve import Curve
-from planner.output import require_writable, whole_file
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -311,7 +311,7 @@ def look_ahead_table(rows: Sequence[LookAhead]) -> Table:
 
 def look_ahead_figure(runs: dict[str, AdaptiveRun]) -> Figure:
     """Feed and acceleration along u before and after the look-ahead (figures 6 and 7 of 2007)."""
-    from planner.figures import Line, Panel, plot_panels
+    from planner.output.panels import Line, Panel, plot_panels
 
     chosen = {
         "before": "before look-ahead",
@@ -332,7 +332,7 @@ def look_ahead_figure(runs: dict[str, AdaptiveRun]) -> Figure:
 
 def feed_error_figure(curve: Curve) -> Figure:
     """Feed and feed error over time of the three shapes, second order (figure 7 of 2002)."""
-    from planner.figures import Line, Panel, plot_panels
+    from planner.output.panels import Line, Panel, plot_panels
 
     feeds, errors = [], []
     for kind in SHAPES:
@@ -348,7 +348,7 @@ def feed_error_figure(curve: Curve) -> Figure:
 
 def contour_figure(motions: dict[str, tuple[Tracking, FloatArray]]) -> Figure:
     """Paths and contour errors of the X-Y table, trapezoid before and after interpolation (figure 8 of 2002)."""
-    from planner.figures import Line, Panel, plot_panels
+    from planner.output.panels import Line, Panel, plot_panels
 
     paths, errors = [], []
     for name in ("before, trapezoid", "after, moving average"):
@@ -377,7 +377,7 @@ def run(show: Callable[[object], None], figures: Path | None) -> dict[str, objec
     for sentence in LIMITATIONS:
         show(sentence)
     if figures is not None:
-        from planner.plots import save_plot
+        from planner.output.plots import save_plot
 
         save_plot(figures / "2002-feed-errors.png", feed_error_figure(circle))
         save_plot(figures / "2002-contour-errors.png", contour_figure(motions))

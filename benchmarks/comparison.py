@@ -4,7 +4,7 @@
 
 Twenty cases: the four curves of the thesis with its limits and, scaled as in the table of durations, on the mill, the
 circle of 2002 and the butterfly NURBS on the mill, at two feeds each.  What is measured, and what may be compared, is
-written in ``planner.cli.comparison``; ``feedplan compare`` prints the same for one curve.
+written in ``feedplan.comparison``; ``feedplan compare`` prints the same for one curve.
 
 Times of a method that breaks a limit are printed with the letters of what it breaks, and count for nothing.
 """
@@ -24,7 +24,7 @@ from rich.console import Console
 from rich.progress import track
 
 from benchmarks.interpolator import environment
-from planner.cli.comparison import (
+from feedplan.comparison import (
     METHODS,
     NOTE,
     Dilation,
@@ -38,10 +38,10 @@ from planner.cli.comparison import (
     saving_facts,
     select_methods,
 )
+from planner.files.whole_file import require_writable, whole_file
 from planner.geometry.catalog import load_curve
 from planner.geometry.curve import Curve
-from planner.limits import Limits
-from planner.output import require_writable, whole_file
+from planner.machine.limits import Limits
 
 LITERATURE = ("algorithm-", "2002-", "2007-")
 REPEATS = 3

@@ -27,17 +27,18 @@ from rich.console import Console
 from rich.progress import track
 
 from benchmarks.greedy import ALGORITHMS, limits
+from feedplan.cli.compare import FIGURE_TITLE, comparison_panels
+from feedplan.comparison import compare_methods, select_methods
 from interp import replay
-from interp.greedy import PUBLISHED_COUNTS, GreedyRun, greedy
-from planner.cli.compare import FIGURE_TITLE, comparison_panels
-from planner.cli.comparison import compare_methods, select_methods
-from planner.figures import Line, Panel, plot_panels
+from interp.literature.greedy import PUBLISHED_COUNTS, GreedyRun, greedy
 from planner.geometry.catalog import load_curve
-from planner.geometry.curve import Curve, FloatArray
-from planner.limits import feedrate_limits
+from planner.geometry.curve import Curve
+from planner.machine.limits import feedrate_limits
+from planner.output.panels import Line, Panel, plot_panels
+from planner.output.plots import save_plot
 from planner.plan import plan_feedrate
-from planner.plots import save_plot
 from planner.profile import Samples
+from planner.types import FloatArray
 
 LIMITS = limits()
 COMPARED = "algorithm,2002,2007,toppra,scurve,optimal"

@@ -30,12 +30,12 @@ from rich.box import SIMPLE
 from rich.console import Console
 from rich.table import Table
 
-from interp.greedy import DEFECTS, PUBLISHED_COUNTS, PUBLISHED_LIMITS, Braking, greedy
+from interp.literature.greedy import DEFECTS, PUBLISHED_COUNTS, PUBLISHED_LIMITS, Braking, greedy
+from planner.files.whole_file import require_writable, whole_file
 from planner.geometry.catalog import load_curve
 from planner.geometry.curve import Curve
 from planner.geometry.formula import FormulaCurve
-from planner.limits import Limits
-from planner.output import require_writable, whole_file
+from planner.machine.limits import Limits
 
 ALGORITHMS = (1, 2, 3, 4)
 PERIOD = 1e-3

@@ -29,10 +29,11 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from interp import InterpolatorTable, TaylorTable, kernels, quintic_step, replay, start, taylor_step
+from interp import InterpolatorTable, TaylorTable, quintic_step, replay, start, taylor_step
+from interp import taylor_kernels as kernels
 from planner.geometry.catalog import load_curve
 from planner.geometry.curve import Curve
-from planner.limits import Limits, load_limits
+from planner.machine.limits import Limits, load_limits
 from planner.plan import plan_feedrate
 from planner.profile import FeedrateProfile, Samples
 

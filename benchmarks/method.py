@@ -24,20 +24,22 @@ from rich.table import Table
 
 from benchmarks.durations import cases
 from planner import load_curve, load_limits, plan_feedrate
-from planner.bounds import certify, section_bound
-from planner.constraints import Constraints, build
-from planner.dual.method import best_multipliers
-from planner.dual.problem import Pace, best_splines, problem_of
-from planner.dual.terms import Track
-from planner.geometry.curve import Curve, FloatArray
-from planner.grid import place_knots, scan, with_blends
-from planner.law import TimeNodes, Utilisation, utilisation
-from planner.limits import Limits
+from planner.geometry.curve import Curve
+from planner.law import TimeNodes
+from planner.machine.limits import Limits
+from planner.plan.bounds import certify, section_bound
+from planner.plan.dual.method import best_multipliers
+from planner.plan.dual.problem import Pace, best_splines, problem_of
+from planner.plan.dual.terms import Track
+from planner.plan.knots import place_knots, scan, with_blends
+from planner.plan.rows import Constraints, build
+from planner.plan.section import BLEND_LENGTH, Section, cut
+from planner.plan.solvers import interior as optimal
+from planner.plan.solvers.interior import Iterate
+from planner.plan.stage import Attempt, Stage, Task
+from planner.plan.utilisation import Utilisation, utilisation
 from planner.profile import evaluate_law
-from planner.sections import BLEND_LENGTH, Section, cut
-from planner.solvers import optimal
-from planner.solvers.optimal import Iterate
-from planner.stage import Attempt, Stage, Task
+from planner.types import FloatArray
 
 INTERVALS = 1000
 COARSER = 8  # the coarse grid has an eighth of the intervals

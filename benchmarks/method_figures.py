@@ -24,10 +24,10 @@ from rich.console import Console
 from benchmarks import method
 from benchmarks.method import Case
 from interp import replay
-from planner.geometry.curve import FloatArray
 from planner.law import TimeNodes
+from planner.output.plots import _COLOURS, _FAINT, _INK, _draw_binding, _draw_shares, _scan, _style, save_plot
 from planner.plan import plan_feedrate
-from planner.plots import _COLOURS, _FAINT, _INK, _draw_binding, _draw_shares, _scan, _style, save_plot
+from planner.types import FloatArray
 
 _WIDTH = 7.1  # inches, as the other figures
 _BLUE, _RED, _GREEN, _PINK, _ORANGE, _SKY = _COLOURS

@@ -17,15 +17,15 @@ from matplotlib.figure import Figure
 
 from benchmarks.programs import FOLDER, LIMITS, TOLERANCES
 from planner import Curve, FeedrateProfile, plan_feedrate, read_program
-from planner.figures import Line, Panel, plot_panels
-from planner.geometry.curve import FloatArray
 from planner.geometry.nurbs import NurbsCurve
-from planner.plots import save_plot
-from planner.programs.deviation import deviation
-from planner.programs.moves import Blocks
-from planner.programs.path import ProgramPath, program_path
-from planner.programs.program import Program
+from planner.output.panels import Line, Panel, plot_panels
+from planner.output.plots import save_plot
+from planner.programs.path.deviation import deviation
+from planner.programs.path.moves import Blocks
+from planner.programs.path.path import ProgramPath, program_path
+from planner.programs.reading.program import Program
 from planner.programs.times import times_at
+from planner.types import FloatArray
 
 _AROUND_UM = 60.0  # of the corner drawn
 _AROUND_MM = 0.5  # of the feed drawn

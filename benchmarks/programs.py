@@ -27,9 +27,9 @@ from rich.table import Table
 from benchmarks.linuxcnc.interpreter import interpret, is_installed
 from benchmarks.linuxcnc.machine import run_program
 from planner import FeedrateProfile, Limits, Program, __version__, check, plan_feedrate, read_program
-from planner.programs.path import ProgramPath, program_path
+from planner.output.ngc_program import write_program
+from planner.programs.path.path import ProgramPath, program_path
 from planner.programs.times import line_times
-from planner.programs.written import write_program
 
 FOLDER = Path(__file__).resolve().parents[1] / "tests" / "data" / "programs"
 TOLERANCES = (1e-3, 1e-2, 5e-2)  # mm

@@ -2,7 +2,7 @@
 
     python -m benchmarks.replay [--output result.json] [--period 1e-3]
 
-Plans eight cases, replays each plan by every form of ``interp.forms`` and measures
+Plans eight cases, replays each plan by every form of ``interp.literature.forms`` and measures
 
 - the largest distance of a sample from the plan, and of the feed between samples from the planned one;
 - the first, second and third difference of the samples over T, T^2, T^3 as multiples of the axis limits, before the
@@ -28,11 +28,11 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.interpolator import arrival, deviations, difference_ratios, environment, ratio_text
-from interp.forms import FORMS, FormName, prepare, replay_form
+from interp.literature.forms import FORMS, FormName, prepare, replay_form
+from planner.files.whole_file import require_writable, whole_file
 from planner.geometry.catalog import load_curve
 from planner.geometry.curve import Curve
-from planner.limits import Limits
-from planner.output import require_writable, whole_file
+from planner.machine.limits import Limits
 from planner.plan import plan_feedrate
 from planner.profile import FeedrateProfile, Samples
 

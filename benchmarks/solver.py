@@ -34,12 +34,13 @@ from rich.table import Table
 
 from benchmarks.durations import cases, toppra_seconds
 from planner import Curve, FeedrateError, Limits, __version__, certify, check, load_curve, plan_feedrate
-from planner.constraints import build
+from planner.files.whole_file import whole_file
 from planner.geometry.nurbs import NurbsCurve
-from planner.grid import place_knots, scan, with_blends
-from planner.output import whole_file
-from planner.sections import cut
-from planner.solvers import nlp, optimal
+from planner.plan.knots import place_knots, scan, with_blends
+from planner.plan.rows import build
+from planner.plan.section import cut
+from planner.plan.solvers import interior as optimal
+from planner.plan.solvers import ipopt as nlp
 
 INTERVALS = 1000
 # COPP solves well where the numbers are about 1.

@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from planner.limits import Limits
+from planner.machine.limits import Limits
 
 _SEGMENT = 0.1  # mm
 _WAVELENGTHS = (11.0, 17.0, 29.0, 47.0, 83.0)  # mm
@@ -50,8 +50,8 @@ def run_windows(program: Path, output: Path) -> dict[str, float | int | bool | s
     """Plan a program in windows in this process; what it took and what came out."""
     import resource
 
-    from planner.programs.windows import plan_program
-    from planner.progress import ProgressLine, load_kernels
+    from feedplan.progress import ProgressLine, load_kernels
+    from planner.programs.long.windows import plan_program
 
     load_kernels()
     began, cpu = time.perf_counter(), time.process_time()
@@ -79,9 +79,9 @@ def run_whole(program: Path) -> dict[str, float | int | bool | str]:
     """Plan a program from end to end in this process."""
     import resource
 
+    from feedplan.progress import load_kernels
     from planner import check, plan_feedrate, read_program
-    from planner.programs.path import program_path
-    from planner.progress import load_kernels
+    from planner.programs.path.path import program_path
 
     load_kernels()
     began, cpu = time.perf_counter(), time.process_time()

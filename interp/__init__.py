@@ -11,15 +11,15 @@ and, for a controller's own loop, the tables and steps behind it:
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-# ``greedy`` and ``replay`` share their names with their modules; imported here, the names are the functions from then on.
-from interp.greedy import GreedyRun, greedy
+# ``replay`` shares its name with its module; imported here, the name is the function from then on.
 from interp.replay import replay
 
 if TYPE_CHECKING:
-    from interp.feedshapes import FeedShape, filter_axes, interpolate_constant, interpolate_shape
-    from interp.forms import FORMS, replay_form
-    from interp.lookahead import AdaptiveLimits, interpolate_adaptive
-    from interp.servo import XY_TABLE, AxisDrive, contour_error, track
+    from interp.literature.feedshapes import FeedShape, filter_axes, interpolate_constant, interpolate_shape
+    from interp.literature.forms import FORMS, replay_form
+    from interp.literature.greedy import GreedyRun, greedy
+    from interp.literature.lookahead import AdaptiveLimits, interpolate_adaptive
+    from interp.literature.servo import XY_TABLE, AxisDrive, contour_error, track
     from interp.taylor import InterpolatorTable, TaylorTable, quintic_step, start, taylor_step
 
 __all__ = [
@@ -47,13 +47,14 @@ __all__ = [
 
 # Names whose module loads with their first use.
 _HOME = {
-    "feedshapes": ("FeedShape", "filter_axes", "interpolate_constant", "interpolate_shape"),
-    "forms": ("FORMS", "replay_form"),
-    "lookahead": ("AdaptiveLimits", "interpolate_adaptive"),
-    "servo": ("XY_TABLE", "AxisDrive", "contour_error", "track"),
-    "taylor": ("InterpolatorTable", "TaylorTable", "quintic_step", "start", "taylor_step"),
+    "interp.literature.feedshapes": ("FeedShape", "filter_axes", "interpolate_constant", "interpolate_shape"),
+    "interp.literature.forms": ("FORMS", "replay_form"),
+    "interp.literature.greedy": ("GreedyRun", "greedy"),
+    "interp.literature.lookahead": ("AdaptiveLimits", "interpolate_adaptive"),
+    "interp.literature.servo": ("XY_TABLE", "AxisDrive", "contour_error", "track"),
+    "interp.taylor": ("InterpolatorTable", "TaylorTable", "quintic_step", "start", "taylor_step"),
 }
-_MODULE_OF = {name: f"{__name__}.{module}" for module, names in _HOME.items() for name in names}
+_MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 
 
 def __getattr__(name: str) -> Any:

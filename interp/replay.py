@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from planner.errors import InputError
-from planner.geometry.curve import Curve, FloatArray
+from planner.geometry.curve import Curve
 from planner.profile import FeedrateProfile, Samples
+from planner.types import FloatArray
 
 if TYPE_CHECKING:
     from interp.taylor import InterpolatorTable, Run, TaylorTable
@@ -108,7 +109,7 @@ def _fill(
     table: InterpolatorTable | TaylorTable, order: int, period: float, first: int, u: FloatArray, position: FloatArray
 ) -> None:
     """Write sample ``first`` and those after it into ``u`` and ``position``."""
-    from interp import kernels
+    from interp import taylor_kernels as kernels
     from interp.taylor import InterpolatorTable, runner, start
 
     run = runner(table, order)

@@ -9,7 +9,7 @@
 ``quintic_step`` follows the plan itself: at t = k T it evaluates the time law u(t) of the profile and the curve there,
 so no error accumulates.  ``taylor_step`` is the interpolator of the literature, which keeps u and adds to it in every
 period what the plan's feed V(t), acceleration A(t) and jerk J(t) say; its error accumulates, and its last sample jumps
-to the end of the path.  Both read plain arrays and the state only: see ``interp.kernels`` for the layout.
+to the end of the path.  Both read plain arrays and the state only: see ``interp.taylor_kernels`` for the layout.
 """
 
 from __future__ import annotations
@@ -21,11 +21,12 @@ from math import frexp, isfinite, ldexp
 import numpy as np
 from numpy.typing import NDArray
 
-from interp import kernels
-from interp.kernels import quintic_step, taylor_step
+from interp import taylor_kernels as kernels
+from interp.taylor_kernels import quintic_step, taylor_step
 from planner.errors import InputError
-from planner.geometry.curve import Curve, FloatArray, Pieces
+from planner.geometry.curve import Curve, Pieces
 from planner.profile import FeedrateProfile, quintic_coefficients
+from planner.types import FloatArray
 
 __all__ = ["InterpolatorTable", "TaylorTable", "last_sample", "quintic_step", "start", "taylor_step"]
 
@@ -161,7 +162,7 @@ def start(table: InterpolatorTable | TaylorTable, period: float, *, first: int =
     -------
     (8 + 2 dim,) array
         For ``quintic_step`` or ``taylor_step``.  Sample number, curve parameter and the rest are at the indices
-        ``SAMPLE``, ``U``, ... of ``interp.kernels``, the position in the last dim places; a copy is a snapshot that
+        ``SAMPLE``, ``U``, ... of ``interp.taylor_kernels``, the position in the last dim places; a copy is a snapshot that
         continues identically.
 
     Raises
@@ -227,7 +228,7 @@ def packed_curve(curve: Curve) -> FloatArray:
     Returns
     -------
     (m + 1, rows, degree + 1) array
-        *Pieces* of ``interp.kernels``.
+        *Pieces* of ``interp.taylor_kernels``.
     """
     axes, tip = curve.pieces, curve.tip.pieces
     if curve.tip is curve:
@@ -239,7 +240,7 @@ def packed_curve(curve: Curve) -> FloatArray:
 def packed_pieces(
     breaks: FloatArray, axes: FloatArray, tip: FloatArray | None = None, *, rational: bool = True
 ) -> FloatArray:
-    """Lay coefficients (m, dim + 1, degree + 1) of the axes, and of a tip, out as ``interp.kernels`` reads them.
+    """Lay coefficients (m, dim + 1, degree + 1) of the axes, and of a tip, out as ``interp.taylor_kernels`` reads them.
 
     The denominator of the axes is left out where it is 1 and there is no tip behind it.
     """

@@ -13,14 +13,11 @@ Every public name loads its module when it is first used: the command line answe
 
 from __future__ import annotations
 
-import sys
 from importlib import import_module
-from types import ModuleType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from planner.bounds import certify
-    from planner.check import Report, Row, check
+    from feedplan.page import write_report
     from planner.errors import (
         BrokenLimitError,
         CurveError,
@@ -34,18 +31,19 @@ if TYPE_CHECKING:
     from planner.geometry.curve import Break, Curve
     from planner.geometry.drawing import read_dxf
     from planner.geometry.points import FittedCurve, read_points
-    from planner.limits import FeedrateLimits, Limits, feedrate_limits, load_limits
-    from planner.ngc import WrittenProgram, write_ngc
+    from planner.machine.limits import FeedrateLimits, Limits, feedrate_limits, load_limits
+    from planner.output.ngc import WrittenProgram, write_ngc
+    from planner.output.ngc_program import write_program
+    from planner.output.table import read_table, table_limits, write_table
     from planner.plan import plan_feedrate
+    from planner.plan.bounds import certify
     from planner.profile import FeedrateProfile, ProfileStates, Samples
-    from planner.programs.path import ProgramPath, program_path
-    from planner.programs.program import Program
-    from planner.programs.reader import read_program
+    from planner.programs.long.windows import ProgramPlan, plan_program
+    from planner.programs.path.path import ProgramPath, program_path
+    from planner.programs.reading.program import Program
+    from planner.programs.reading.reader import read_program
     from planner.programs.times import LineTimes, line_times
-    from planner.programs.windows import ProgramPlan, plan_program
-    from planner.programs.written import write_program
-    from planner.report import write_report
-    from planner.tables import read_table, table_limits, write_table
+    from planner.verify import Report, Row, check
 
 __all__ = [
     "CATALOG",
@@ -94,9 +92,8 @@ __all__ = [
 __version__ = "0.1.0"
 
 _HOME = {
-    "bounds": ("certify",),
-    "check": ("Report", "Row", "check"),
-    "errors": (
+    "feedplan.page": ("write_report",),  # of the door above; scripts that take it from here keep working
+    "planner.errors": (
         "BrokenLimitError",
         "CurveError",
         "FeedrateError",
@@ -105,24 +102,25 @@ _HOME = {
         "SolverError",
         "StalledError",
     ),
-    "geometry.catalog": ("CATALOG", "load_curve"),
-    "geometry.curve": ("Break", "Curve"),
-    "geometry.drawing": ("read_dxf",),
-    "geometry.points": ("FittedCurve", "read_points"),
-    "limits": ("FeedrateLimits", "Limits", "feedrate_limits", "load_limits"),
-    "ngc": ("WrittenProgram", "write_ngc"),
-    "plan": ("plan_feedrate",),
-    "profile": ("FeedrateProfile", "ProfileStates", "Samples"),
-    "report": ("write_report",),
-    "programs.path": ("ProgramPath", "program_path"),
-    "programs.program": ("Program",),
-    "programs.reader": ("read_program",),
-    "programs.times": ("LineTimes", "line_times"),
-    "programs.windows": ("ProgramPlan", "plan_program"),
-    "programs.written": ("write_program",),
-    "tables": ("read_table", "table_limits", "write_table"),
+    "planner.geometry.catalog": ("CATALOG", "load_curve"),
+    "planner.geometry.curve": ("Break", "Curve"),
+    "planner.geometry.drawing": ("read_dxf",),
+    "planner.geometry.points": ("FittedCurve", "read_points"),
+    "planner.machine.limits": ("FeedrateLimits", "Limits", "feedrate_limits", "load_limits"),
+    "planner.output.ngc": ("WrittenProgram", "write_ngc"),
+    "planner.output.ngc_program": ("write_program",),
+    "planner.output.table": ("read_table", "table_limits", "write_table"),
+    "planner.plan": ("plan_feedrate",),
+    "planner.plan.bounds": ("certify",),
+    "planner.profile": ("FeedrateProfile", "ProfileStates", "Samples"),
+    "planner.programs.long.windows": ("ProgramPlan", "plan_program"),
+    "planner.programs.path.path": ("ProgramPath", "program_path"),
+    "planner.programs.reading.program": ("Program",),
+    "planner.programs.reading.reader": ("read_program",),
+    "planner.programs.times": ("LineTimes", "line_times"),
+    "planner.verify": ("Report", "Row", "check"),
 }
-_MODULE_OF = {name: f"{__name__}.{module}" for module, names in _HOME.items() for name in names}
+_MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 
 
 def __getattr__(name: str) -> object:
@@ -135,15 +133,3 @@ def __getattr__(name: str) -> object:
 
 def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
-
-
-class _Package(ModuleType):
-    """Keeps ``planner.check`` the function: importing its module, of the same name, would put the module there."""
-
-    def __setattr__(self, name: str, value: object) -> None:
-        if isinstance(value, ModuleType) and name in _MODULE_OF:
-            value = getattr(value, name)
-        super().__setattr__(name, value)
-
-
-sys.modules[__name__].__class__ = _Package

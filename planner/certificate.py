@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from planner.geometry.curve import FloatArray
+from planner.types import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

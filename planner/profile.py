@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from planner.errors import InputError
-from planner.geometry.curve import MAX_DERIVATIVE, Curve, FloatArray, curvature, dot
-from planner.limits import Limits, chord_feed_limit, commanded_feed
+from planner.geometry.curve import MAX_DERIVATIVE, Curve, curvature, dot
+from planner.machine.limits import Limits, chord_feed_limit, commanded_feed
+from planner.types import FloatArray
 
 # A limit holds the path back where it is used up to within half a percent.
 BINDING_SHARE = 0.995

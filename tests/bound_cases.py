@@ -12,9 +12,9 @@ from strategies import random_nurbs
 from planner import Limits, load_limits
 from planner.geometry.curve import Curve
 from planner.geometry.nurbs import NurbsCurve
-from planner.programs.path import program_path
-from planner.programs.program import Program
-from planner.programs.reader import read_program
+from planner.programs.path.path import program_path
+from planner.programs.reading.program import Program
+from planner.programs.reading.reader import read_program
 
 Rng = np.random.Generator
 KINDS = ("curve", "polyline", "closed", "five axes", "tip turns back", "arcs")

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from planner import load_curve, load_limits
-from planner.check.certificate import _Section
-from planner.check.places import Places
 from planner.geometry.nurbs import NurbsCurve
-from planner.limits import Limits
+from planner.machine.limits import Limits
+from planner.verify.certificate import _Section
+from planner.verify.certificate.places import Places
 
 L, V, A, J = 100.0, 120.0, 1000.0, 2e4
 INF = [np.inf, np.inf]

@@ -10,12 +10,12 @@ import pytest
 from planner.geometry.catalog import load_curve
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
-from planner.limits import Limits
+from planner.machine.limits import Limits
 from planner.profile import Samples, make_profile
 
-# planner.check is the function, not the package of the same name, so modules are asked for by name.
-package = importlib.import_module("planner.check")
-searching = importlib.import_module("planner.check.peaks")
+# planner.verify is the function, not the package of the same name, so modules are asked for by name.
+package = importlib.import_module("planner.verify")
+searching = importlib.import_module("planner.verify.peaks")
 check = package.check
 AXIS_LIMITS = ("velocity", "acceleration", "jerk")
 SINGLE_LIMITS = ("feed", "chord error", "tangential acceleration", "tangential jerk")

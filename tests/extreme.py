@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.geometry.nurbs import NurbsCurve
-from planner.limits import Limits
+from planner.machine.limits import Limits
 
 Array = NDArray[np.float64]
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from planner.programs.program import ARC, LINE, RAPID, Program
+from planner.programs.reading.program import ARC, LINE, RAPID, Program
 
 
 def line(x, y, z=0.0, **words):

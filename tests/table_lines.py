@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from planner.tablefile import digest_of_lines, digest_of_rows
+from planner.files.columns import digest_of_lines, digest_of_rows
 
 
 def first_row(lines):

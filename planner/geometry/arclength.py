@@ -15,8 +15,8 @@ from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike
 
 from planner.errors import CurveError, InputError
-from planner.geometry.curve import Curve, FloatArray, Side, require_side
-from planner.geometry.inputs import coordinates
+from planner.inputs import coordinates, require_side
+from planner.types import FloatArray, Side
 
 _NODES = 16
 # Tail of a panel's series: integrated, against the whole length; or by itself, against the mean speed on the panel.
@@ -33,7 +33,7 @@ _FEW_PIECES = 4096
 class ArcLength:
     """Accumulated length along a curve: ``s(u)``, its inverse, and the total.
 
-    Build it with :meth:`of_tip` or :meth:`of_speed`.
+    Build it with :meth:`of_speed`.
     """
 
     edges: FloatArray
@@ -42,26 +42,15 @@ class ArcLength:
     _speeds: FloatArray
 
     @classmethod
-    def of_tip(cls, curve: Curve) -> ArcLength:
-        """Arc length of the tool tip of a curve, mm."""
-        tip = curve.tip
-
-        def speed(u: FloatArray) -> FloatArray:
-            return np.asarray(np.sqrt(np.sum(tip.derivatives(u, 1)[1] ** 2, axis=-1)))
-
-        return cls.of_speed(speed, curve, curve.name)
-
-    @classmethod
-    def of_speed(cls, speed: Callable[[FloatArray], FloatArray], curve: Curve, name: str) -> ArcLength:
-        """Integrate any speed(u) >= 0 over the domain of a curve, panels split at its breaks.
+    def of_speed(cls, speed: Callable[[FloatArray], FloatArray], breaks: FloatArray, name: str) -> ArcLength:
+        """Integrate any speed(u) >= 0 from the first of the ``breaks`` (k,) to the last, panels split at each.
 
         Raises
         ------
         CurveError
             If the speed cannot be resolved, which takes a curve that is not piecewise smooth.
         """
-        edges = curve.pieces.breaks
-        lo, hi = edges[:-1], edges[1:]
+        lo, hi = breaks[:-1], breaks[1:]
         most = _PANELS_PER_PIECE * max(lo.size, _FEW_PIECES)
         # Tail of the panel that each was halved from, and whether that one was at the level of noise already.
         before, at_noise = np.full(lo.size, np.inf), np.zeros(lo.size, dtype=np.bool_)
@@ -110,7 +99,7 @@ class ArcLength:
 
         Raises InputError for a parameter outside the domain.
         """
-        from planner.geometry.kernels import panel_length
+        from planner.geometry.curve_kernels import panel_length
 
         points = _within(u, self.edges[0], self.edges[-1], "u")
         out = np.empty(points.size)
@@ -134,7 +123,7 @@ class ArcLength:
         ``side`` matters only where the curve rests: "right" takes the last parameter with that length, "left" the
         first.  Raises InputError for a length outside the curve.
         """
-        from planner.geometry.kernels import panel_inverse
+        from planner.geometry.curve_kernels import panel_inverse
 
         require_side(side)
         points = _within(s, 0.0, self.total, "s")

@@ -27,7 +27,8 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from planner.geometry.curve import FloatArray, arc_derivatives
+from planner.geometry.curve import arc_derivatives
+from planner.types import FloatArray
 
 BLEND_REACH = 8.0  # of the size A, along each leg
 _NODES = 64
@@ -183,7 +184,7 @@ class Blends:
 
     def tau(self, row: NDArray[np.intp], s: FloatArray) -> FloatArray:
         """Invert the arc length by its series, the blends of one table together."""
-        from planner.geometry.kernels import panel_inverse
+        from planner.geometry.curve_kernels import panel_inverse
 
         table = self._table[row]
         target = np.clip(s / self.size[row], 0.0, None)

@@ -14,7 +14,7 @@ import numpy as np
 
 from planner.errors import CurveError, InputError
 from planner.geometry.curve import Curve
-from planner.geometry.inputs import positive_number, read_text
+from planner.inputs import positive_number, read_text
 
 if TYPE_CHECKING:
     from planner.geometry.nurbs import NurbsCurve

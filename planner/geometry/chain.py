@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 
 from planner.errors import CurveError
 from planner.geometry.blend import Blends, Legs
-from planner.geometry.curve import Break, Curve, FeedCaps, FloatArray, Pieces, Side, axis_names, continuity
+from planner.geometry.curve import Break, Curve, FeedCaps, Pieces, axis_names, continuity
 from planner.geometry.fit import interpolate
+from planner.types import FloatArray, Side
 
 _FIT_TOLERANCE = 1e-13  # of the unit tangent
 _MAX_HALVINGS = 24

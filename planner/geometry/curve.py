@@ -12,19 +12,15 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from planner.errors import CurveError, InputError
-from planner.geometry.inputs import coordinates
-
-if TYPE_CHECKING:
-    from planner.geometry.arclength import ArcLength
-
-FloatArray = NDArray[np.float64]
-Side = Literal["left", "right"]
+from planner.geometry.arclength import ArcLength
+from planner.inputs import coordinates, require_side
+from planner.types import FloatArray, Side
 
 AXES = ("X", "Y", "Z", "A", "B", "C", "U", "V", "W")
 ROTARY_AXES = frozenset("ABC")
@@ -111,7 +107,7 @@ class Pieces:
 
     def evaluate(self, u: FloatArray, order: int, left: NDArray[np.bool_] | bool) -> FloatArray:
         """Evaluate derivatives 0..order at the flat array u, from the left where asked; ``(order + 1, n, dim)``."""
-        from planner.geometry.kernels import evaluate_pieces
+        from planner.geometry.curve_kernels import evaluate_pieces
 
         out = np.empty((order + 1, u.size, self.coefficients.shape[1] - 1))
         sides = np.full(u.size, left) if isinstance(left, bool) else left
@@ -234,9 +230,12 @@ class Curve(ABC):
     @cached_property
     def arclength(self) -> ArcLength:
         """Arc length of the tool tip, s(u) and u(s)."""
-        from planner.geometry.arclength import ArcLength
+        tip = self.tip
 
-        return ArcLength.of_tip(self)
+        def speed(u: FloatArray) -> FloatArray:
+            return np.asarray(np.sqrt(np.sum(tip.derivatives(u, 1)[1] ** 2, axis=-1)))
+
+        return ArcLength.of_speed(speed, self.pieces.breaks, self.name)
 
     @property
     def length(self) -> float:
@@ -338,12 +337,6 @@ def arc_derivatives(d: FloatArray) -> FloatArray:
     second = (d[2] - v1 * tangent) / v**2
     third = (d[3] - 3.0 * v * v1 * second - v2 * tangent) / v**3
     return np.stack([d[0], tangent, second, third])
-
-
-def require_side(side: Side) -> None:
-    """Raise InputError for a side that is neither left nor right."""
-    if side not in ("left", "right"):
-        raise InputError(f'side = {side!r} must be "left" or "right"')
 
 
 def axis_names(

@@ -21,9 +21,9 @@ from typing import Any
 import numpy as np
 
 from planner.errors import CurveError
-from planner.geometry.curve import FloatArray
-from planner.geometry.inputs import shorten
 from planner.geometry.nurbs import NurbsCurve
+from planner.inputs import shorten
+from planner.types import FloatArray
 
 # Ends of neighbours lie this close; drawings are written with some 6 to 16 digits.
 _JOIN_MM = 1e-3

@@ -14,7 +14,8 @@ from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from planner.errors import CurveError
-from planner.geometry.curve import Curve, FloatArray, Pieces, require_finite
+from planner.geometry.curve import Curve, Pieces, require_finite
+from planner.types import FloatArray
 
 _DEGREE = 9  # balances the number of pieces against the cost of a step
 _TOLERANCE = 1e-13  # of the extent: 1e-11 mm on 100 mm

@@ -20,10 +20,11 @@ from typing import Any
 import numpy as np
 
 from planner.errors import CurveError
-from planner.geometry.curve import Curve, FloatArray, Pieces, Side, golden_minimum, require_regular
+from planner.geometry.curve import Curve, Pieces, golden_minimum, require_regular
 from planner.geometry.fit import fit_pieces
 from planner.geometry.nurbs import NurbsCurve
 from planner.geometry.tape import Tape
+from planner.types import FloatArray, Side
 
 _POLE_TOLERANCE = 1e-9  # sin A below this: C has no direction
 _UNWRAP_POINTS_PER_SPAN = 64

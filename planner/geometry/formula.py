@@ -17,10 +17,11 @@ from typing import Any
 import numpy as np
 
 from planner.errors import CurveError
-from planner.geometry.curve import ROTARY_AXES, Curve, FloatArray, Pieces, Side, axis_names, require_regular
+from planner.geometry.curve import ROTARY_AXES, Curve, Pieces, axis_names, require_regular
 from planner.geometry.fit import fit_pieces
-from planner.geometry.inputs import numbers, positive_number, shorten
 from planner.geometry.tape import Tape
+from planner.inputs import numbers, positive_number, shorten
+from planner.types import FloatArray, Side
 
 # Number of arguments.  Smooth functions only: a curve with |u| or sign(u) in it would hide its breaks.
 _ARGUMENTS = {

@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from planner.errors import CurveError
-from planner.geometry.curve import DEFAULT_AXES, Curve, FloatArray, Pieces, Side, axis_names, require_regular
-from planner.geometry.inputs import numbers, shorten
+from planner.geometry.curve import DEFAULT_AXES, Curve, Pieces, axis_names, require_regular
+from planner.inputs import numbers, shorten
+from planner.types import FloatArray, Side
 
 MAX_DEGREE = 100  # a bound on the work; the digits would last longer
 # Sum of a denominator's coefficients against its value: loses one of 16 digits.

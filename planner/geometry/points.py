@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from planner.errors import CurveError
-from planner.geometry.curve import FloatArray
-from planner.geometry.inputs import plain_number, positive_number, read_text, shorten
 from planner.geometry.nurbs import NurbsCurve
+from planner.inputs import plain_number, positive_number, read_text, shorten
+from planner.types import FloatArray
 
 _FIT_DEGREE = 5
 _FIT_TRIALS = 12

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.geometry.curve import FloatArray
+from planner.types import FloatArray
 
 # Points per block: the registers of a block, some 30 of them, then stay in the processor's cache.
 _BLOCK = 2048

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from planner.errors import InputError
-from planner.geometry.curve import FloatArray
 from planner.profile import FeedrateProfile, quintic_coefficients
-from planner.programs.path import ProgramPath
-from planner.programs.program import ARC, LINE, RAPID, Program
+from planner.programs.path.path import ProgramPath
+from planner.programs.reading.program import ARC, LINE, RAPID, Program
+from planner.types import FloatArray
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -265,7 +265,7 @@ def write_line_times(
     InputError
         If the file cannot be written; then none is left behind.
     """
-    from planner.tablefile import write_columns
+    from planner.files.columns import write_columns
 
     columns: dict[str, NDArray[Any]] = {
         "line": times.line,

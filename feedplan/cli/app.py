@@ -1,0 +1,197 @@
+"""What all commands share: the application, types of arguments, exit codes, loading and the verdict.
+
+Exit codes: 0 every limit holds, 1 a limit is broken, 2 bad input, 3 no plan was found, 130 interrupted.  Nothing
+heavier than typer loads before a command runs.
+"""
+
+from __future__ import annotations
+
+import signal
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING, Annotated, NoReturn
+
+import typer
+
+from planner import __version__
+from planner.errors import BrokenLimitError, FeedrateError, InputError
+from planner.files.whole_file import require_writable
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+    from feedplan.progress import ProgressLine
+    from feedplan.verdict import Verdict
+    from planner.certificate import Certificate
+
+BROKEN, BAD_INPUT, NO_PLAN, INTERRUPTED = 1, 2, 3, 130
+
+_HELP = """\
+Time-optimal, jerk-limited feedrate plans for parametric tool paths.
+
+A CURVE is a name that "feedplan curves" lists, a .json, .toml, .dxf or .csv
+file, or a part program, .ngc.  A machine is a .toml file, the .ini of a
+LinuxCNC machine, or one of the examples "mill" and "five-axis".
+Lengths are in mm, angles in rad, times in s.
+"""
+_EXAMPLES = """\
+\b
+Examples:
+  feedplan curves
+  feedplan plan butterfly-nurbs -o table.csv --plot plan.png
+  feedplan check table.csv butterfly-nurbs --machine mill.toml
+  feedplan replay table.csv butterfly-nurbs --period-s 0.001 -o samples.csv
+  feedplan time part.ngc --machine mill.toml --tolerance-mm 0.01
+  feedplan windows long.ngc --machine mill.toml -o plan.npz
+  feedplan ngc part.ngc --machine mill.toml --tolerance-mm 0.01 -o out.ngc
+  feedplan report table.csv butterfly-nurbs -o report.html
+  feedplan compare teardrop --machine mill.toml --plot compare.png
+
+\b
+Exit codes: 0 every limit holds, 1 a limit is broken or a claim does not hold,
+2 bad input, 3 no plan was found.
+"""
+
+app = typer.Typer(
+    help=_HELP,
+    epilog=_EXAMPLES,
+    rich_markup_mode=None,  # rich would double the time --help takes
+    pretty_exceptions_enable=False,
+    add_completion=False,
+    no_args_is_help=True,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+CurveName = Annotated[
+    str, typer.Argument(metavar="CURVE", help="Name of a curve, or a file: .json, .toml, .dxf, .csv, .ngc.")
+]
+TableFile = Annotated[Path, typer.Argument(metavar="TABLE", help="Feedrate table, .csv or .npz.")]
+Scale = Annotated[float, typer.Option(help="Multiplies the linear axes of the curve.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print the verdict as JSON and nothing else.")]
+Machine = Annotated[
+    str | None, typer.Option(metavar="FILE", help="Machine file, .toml or .ini, or an example machine.")
+]
+
+Tolerance = Annotated[
+    float | None,
+    typer.Option(
+        "--tolerance-mm", help="Distance allowed from a part program, in place of its P words, or from points."
+    ),
+]
+
+
+def main() -> None:
+    """Run the command line."""
+    try:
+        app(prog_name="feedplan")
+    except KeyboardInterrupt:
+        sys.exit(INTERRUPTED)
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"feedplan {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    pass
+
+
+@contextmanager
+def exits() -> Iterator[None]:
+    """Turn what we raise on purpose into a line on standard error and an exit code; the rest keeps its traceback."""
+    interrupted = False
+
+    def remember(number: int, frame: FrameType | None) -> NoReturn:
+        # A solver in compiled code may report an interrupt as a failure of its own.
+        nonlocal interrupted
+        interrupted = True
+        raise KeyboardInterrupt
+
+    previous = signal.signal(signal.SIGINT, remember)
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise typer.Exit(INTERRUPTED) from None
+    except FeedrateError as error:
+        if interrupted:
+            raise typer.Exit(INTERRUPTED) from None
+        typer.echo(f"error: {error}", err=True)
+        if isinstance(error, BrokenLimitError):
+            raise typer.Exit(BROKEN) from None
+        raise typer.Exit(BAD_INPUT if isinstance(error, InputError) else NO_PLAN) from None
+    finally:
+        signal.signal(signal.SIGINT, previous)
+
+
+def require_apart(outputs: Sequence[Path | None], inputs: Sequence[str | Path | None]) -> None:
+    """Refuse an output that would replace an input, or another output."""
+    taken = {Path(name).resolve(): f"is an input of this command: {name}" for name in inputs if name is not None}
+    for output in outputs:
+        if output is None:
+            continue
+        if reason := taken.get(output.resolve()):
+            raise InputError(f"{output}: {reason}; give another name for the output")
+        taken[output.resolve()] = "is given for two outputs"
+
+
+def require_outputs(table: Path | None, plot: Path | None, report: Path | None = None) -> None:
+    """Refuse an output that could not be written before the work begins."""
+    if table is not None:
+        from planner.files.columns import file_format
+
+        file_format(table)
+        require_writable(table)
+    if plot is not None:
+        from planner.output.plots import figure_format
+
+        figure_format(plot)
+        require_writable(plot)
+    if report is not None:
+        from feedplan.page import require_report
+
+        require_report(report)
+
+
+def notice(text: str) -> None:
+    """Say on standard error what is no error and yet worth knowing."""
+    typer.echo(text, err=True)
+
+
+def with_proof(verdict: Verdict, certificate: Certificate, line: ProgressLine) -> Verdict:
+    """Add what the certificate of its lower bound proves to the verdict on a plan."""
+    from planner.verify.certificate import verify_plan_bound
+
+    line("verifying the lower bound")
+    profile = verdict.profile
+    return replace(verdict, proof=verify_plan_bound(profile.curve, verdict.limits, certificate, profile))
+
+
+def report_verdict(verdict: Verdict, as_json: bool) -> None:
+    """Print the verdict and leave with its exit code."""
+    from feedplan.verdict import to_json, to_text
+
+    if as_json:
+        typer.echo(to_json(verdict))
+    else:
+        show(to_text(verdict))
+    if not verdict.ok:
+        raise typer.Exit(BROKEN)
+
+
+def show(text: RenderableType) -> None:
+    """Print on standard output, nothing highlighted."""
+    from rich.console import Console
+
+    Console(highlight=False, markup=False, emoji=False).print(text)

@@ -1,0 +1,314 @@
+"""The literature's interpolators beside the planner, on one curve: ``feedplan compare``."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+import textwrap
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from feedplan.cli.app import (
+    BROKEN,
+    NO_PLAN,
+    CurveName,
+    Machine,
+    Scale,
+    app,
+    exits,
+    notice,
+    require_apart,
+    require_outputs,
+)
+from feedplan.job import load_part
+from planner.errors import InputError
+from planner.files.whole_file import require_writable, whole_file
+
+if TYPE_CHECKING:
+    from feedplan.comparison import Judgement, Result
+    from planner.geometry.curve import Curve
+    from planner.machine.limits import Limits
+    from planner.output.panels import Panel
+    from planner.types import FloatArray
+
+FIGURE_TITLE = "the same limits for all (! breaks some of them)"
+_FORMATS = (".json", ".csv")
+_WIDTH = 80  # columns of a terminal
+_COLUMNS = 600  # of a panel; each shows the largest value it covers
+# Panels of the figure: title, methods drawn in it beside the optimal plan.
+_FAMILIES = (
+    ("Algorithms 1-4 (2022)", ("algorithm-1", "algorithm-2", "algorithm-2-soft", "algorithm-4")),
+    ("feed shapes (2002)", ("2002-trapezoid-2", "2002-bell-2", "2002-bell-steady")),
+    ("look-ahead (2007)", ("2007-printed", "2007-uniform")),
+    ("planned", ("toppra", "scurve", "nlp")),
+)
+_FLOOR = 1e-3  # of a limit; less is drawn as this
+
+
+@app.command(
+    epilog=(
+        "\b\nExamples:\n"
+        "  feedplan compare teardrop --machine mill.toml\n"
+        "  feedplan compare butterfly --scale 10 --methods algorithm,scurve,optimal -o result.csv --plot result.png\n"
+    ),
+)
+def compare(
+    curve: CurveName,
+    *,
+    machine: Machine = None,
+    scale: Scale = 1.0,
+    feed_mm_s: Annotated[float | None, typer.Option(help="Commanded feed, in place of the machine's.")] = None,
+    period_s: Annotated[float | None, typer.Option(help="Interpolation period, in place of the machine's.")] = None,
+    methods: Annotated[
+        str | None, typer.Option(metavar="A,B,...", help="Names, or their beginnings: algorithm, 2002, 2007, scurve.")
+    ] = None,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Result, .json or .csv.")] = None,
+    plot: Annotated[Path | None, typer.Option(help="Figure, .png, .pdf or .svg.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON and nothing else.")] = False,
+) -> None:
+    """Compare the literature's interpolators with the optimal plan.
+
+    All of them run on the same curve under the same limits, and are judged alike.  Exit code 1: the optimal plan breaks
+    a limit, or without it every method does.
+    """
+    with exits():
+        require_apart([output, plot], [curve, machine])
+        if output is not None:
+            _require_format(output)
+            require_writable(output)
+        require_outputs(None, plot)
+        part = load_part(curve, scale, machine, feed_mm_s, period_s, notice=notice)
+        path, limits, machine_name = part.curve, part.limits, part.machine
+        from feedplan.comparison import compare_methods, select_methods
+        from feedplan.progress import PLAN_KERNELS, ProgressLine, load_kernels
+
+        chosen = None if methods is None else select_methods(methods)
+        load_kernels((*PLAN_KERNELS, "interp.literature.greedy_kernels"))
+        with ProgressLine() as line:
+            results = compare_methods(path, limits, chosen, progress=line)
+            facts = _facts(path, limits, machine_name, results)
+            if output is not None:
+                line(f"writing {output}")
+                _write(output, facts)
+            if plot is not None and any(result.judgement for result in results):
+                from planner.output.panels import plot_panels
+                from planner.output.plots import save_plot
+
+                line(f"drawing {plot}")
+                panels = comparison_panels(path, limits, results)
+                save_plot(plot, plot_panels(f"{path.name}: {FIGURE_TITLE}", panels))
+        if as_json:
+            typer.echo(_json(facts))
+        else:
+            typer.echo(
+                _text(
+                    path,
+                    limits,
+                    machine_name,
+                    results,
+                    [str(name) for name in (output, plot) if name is not None and name.exists()],
+                )
+            )
+        _leave(results)
+
+
+def _leave(results: Sequence[Result]) -> None:
+    """Leave with an exit code other than 0 where the comparison found nothing that holds."""
+    from feedplan.comparison import OPTIMUM
+
+    if all(result.judgement is None for result in results):
+        raise typer.Exit(NO_PLAN)
+    meant = [result for result in results if result.method == OPTIMUM] or results
+    if not any(result.ok for result in meant):
+        raise typer.Exit(BROKEN)
+
+
+def _require_format(path: Path) -> None:
+    if path.suffix.lower() not in _FORMATS:
+        raise InputError(f'{path}: the suffix "{path.suffix}" must be one of {", ".join(_FORMATS)}')
+
+
+# ---- files ---------------------------------------------------------------------------------------------------------
+
+
+def _facts(curve: Curve, limits: Limits, machine: str, results: Sequence[Result]) -> dict[str, Any]:
+    from feedplan.comparison import NOTE, result_facts, saving, saving_facts
+
+    return {
+        "curve": {"name": curve.name, "hash": curve.fingerprint, "axes": list(curve.axes), "length_mm": curve.length},
+        "machine": machine,
+        "feed_mm_s": limits.feed,
+        "period_s": limits.period,
+        "methods": [result_facts(result) for result in results],
+        "saving": saving_facts(saving(results)),
+        "note": NOTE,
+    }
+
+
+def _json(facts: dict[str, Any]) -> str:
+    from feedplan.comparison import finite
+
+    return json.dumps(finite(facts), indent=2, allow_nan=False)
+
+
+def _write(path: Path, facts: dict[str, Any]) -> None:
+    text = _json(facts) + "\n" if path.suffix.lower() == ".json" else _csv(facts["methods"])
+    with whole_file(path) as file:
+        file.write(text.encode())
+
+
+def _csv(rows: Sequence[dict[str, Any]]) -> str:
+    """One line a method; what is not known is empty, several limits are separated by semicolons."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    for row in rows:
+        writer.writerow({key: _cell(value) for key, value in row.items()})
+    return text.getvalue()
+
+
+def _cell(value: Any) -> Any:
+    if isinstance(value, list):
+        return "; ".join(value)
+    return "" if isinstance(value, float) and math.isnan(value) else value
+
+
+# ---- for a person --------------------------------------------------------------------------------------------------
+
+
+def _text(curve: Curve, limits: Limits, machine: str, results: Sequence[Result], files: Sequence[str]) -> str:
+    from feedplan.comparison import NOTE, saving
+
+    lines = [
+        f"curve    {curve.name}, {curve.length:.3f} mm, axes {' '.join(curve.axes)}",
+        f"machine  {machine}; feed {limits.feed:g} mm/s, period {limits.period:g} s",
+        "",
+        *_table(results),
+        "",
+    ]
+    if any(not result.ok and result.judgement for result in results):
+        lines += [*_slowed_table(results), ""]
+    if (found := saving(results)) is not None and found.rival:
+        lines += textwrap.wrap(
+            f"The optimum saves {100.0 * found.share:.2f} % of the {found.rival_duration:.4f} s of {found.rival}, the "
+            "fastest other method that breaks nothing as it is.",
+            _WIDTH,
+        )
+    if found is not None and found.slowed_rival and found.slowed_rival != found.rival:
+        lines += textwrap.wrap(
+            f"It saves {100.0 * found.slowed_share:.2f} % of the {found.slowed_duration:.4f} s of "
+            f"{found.slowed_rival}, the fastest other method once each has been slowed.",
+            _WIDTH,
+        )
+    return "\n".join([*lines, *textwrap.wrap(f"{NOTE}.", _WIDTH), *(f"written  {name}" for name in files)])
+
+
+def _table(results: Sequence[Result]) -> list[str]:
+    """Time never stands without what is broken, judged from rest to rest; a method that did not run says why."""
+    from feedplan.comparison import LETTERS, letters
+
+    lines = [
+        f"{'':16}{'':9}{'':8}{'chord':>7}{'worst value / limit':>21}{'feed':>6}{'CPU':>5}",
+        f"{'':16}{'time s':>9} {'breaks':7}{'um':>7}{'veloc':>7}{'accel':>7}{'jerk':>7}{'fluct':>6}{'ms':>5}{'points':>7}",
+    ]
+    for result in results:
+        if result.judgement is None:
+            why = textwrap.wrap(result.reason, _WIDTH - 18)
+            lines += [f"{result.method if k == 0 else '':18}{part}" for k, part in enumerate(why)]
+            continue
+        ratios = (_ratio(result.judgement.ratios[name]) for name in ("velocity", "acceleration", "jerk"))
+        fluctuation = "-" if math.isnan(result.fluctuation) else f"{result.fluctuation:.0e}"
+        lines.append(
+            f"{result.method:16}{result.duration:9.4f} {letters(result.judgement):7}{1e3 * result.chord_error:7.3g}"
+            f"{''.join(f'{ratio:>7}' for ratio in ratios)}"
+            f"{fluctuation:>6}{1e3 * result.computing_time:5.0f}{result.points:7}"
+        )
+    used = {row.limit for result in results if result.judgement for row in result.judgement.broken}
+    known = [f"{letter} {name}" for name, letter in LETTERS.items() if name in used]
+    known += [f"? {name}" for name in sorted(used - set(LETTERS))]
+    return [*lines, *textwrap.wrap(f"breaks: {', '.join(known)}", _WIDTH)] if known else lines
+
+
+def _ratio(value: float) -> str:
+    """Three digits behind the point, rounded up above 1 so that what is broken is seen to be."""
+    if 1.0 + 1e-6 < value < 1.001:
+        return "1.001"
+    return f"{value:.3f}" if value < 10.0 else (f"{value:.4g}" if value < 1e4 else f"{value:.0e}")
+
+
+def _slowed_table(results: Sequence[Result]) -> list[str]:
+    head = f"{'slowed':>9}{'time s':>11}{'confirmed':>11}"
+    lines = ["slowed down uniformly until nothing is broken", f"{'':16}{head}"]
+    if any(result.entered_at_speed for result in results):
+        lines[0] += "; the same for a path that is\nentered and left at the method's own feed"
+        lines[1] += f" {head}"
+    for result in results:
+        if result.judgement is None or result.ok:
+            continue
+        line = f"{result.method:16}{_slowed(result.judgement)}"
+        lines.append(line + (f" {_slowed(result.entered_at_speed)}" if result.entered_at_speed else ""))
+    return lines
+
+
+def _slowed(judgement: Judgement) -> str:
+    found = judgement.dilation
+    return f"{found.factor:8.3f}x{found.duration:11.4f}{'yes' if found.confirmed else 'NO':>11}"
+
+
+# ---- figure --------------------------------------------------------------------------------------------------------
+
+
+def comparison_panels(curve: Curve, limits: Limits, results: Sequence[Result]) -> list[Panel]:
+    """Feed and jerk over the path, a row for each family of methods, the optimal plan in all of them.
+
+    Returns
+    -------
+    list of Panel
+        Two a row: what ``planner.output.panels.plot_panels`` draws.
+    """
+    from feedplan.comparison import OPTIMUM
+    from planner.output.panels import Line, Panel
+
+    ran = {result.method: result for result in results if result.motion is not None}
+    panels = []
+    for title, names in _FAMILIES:
+        family = [name for name in names if name in ran]
+        if not family and (title != "planned" or set(ran) != {OPTIMUM}):
+            continue
+        feeds, jerks = [], []
+        for name in (*((OPTIMUM,) if OPTIMUM in ran else ()), *family):
+            label = name if ran[name].ok else f"{name} !"
+            s, feed, jerk = _along(curve, limits, ran[name])
+            feeds.append(Line(label, *_largest(s[:-1], feed)))
+            jerks.append(Line(label, *_largest(s[: jerk.size], jerk)))
+        bound = [limits.feed] if math.isfinite(limits.feed) else []
+        panels.append(Panel(title, "arc length, mm", "feed, mm/s", feeds, bound, legend="above"))
+        panels.append(Panel("", "arc length, mm", "axis jerk over limit", jerks, [1.0], log=True, legend="none"))
+    return panels
+
+
+def _along(curve: Curve, limits: Limits, result: Result) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Arc length of the samples, feed of every period, and the largest third difference as a share of the axis jerk."""
+    import numpy as np
+
+    assert result.motion is not None
+    samples = result.motion.samples
+    s = np.maximum.accumulate(curve.tip.arclength.s(samples.u))
+    jerk = np.abs(np.diff(samples.position, 3, axis=0)) / samples.period**3 / limits.jerk
+    return s, np.diff(s) / samples.period, np.maximum(jerk.max(axis=1, initial=0.0), _FLOOR)
+
+
+def _largest(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Thin out a line to the largest value of each column of the panel."""
+    import numpy as np
+
+    if x.size <= _COLUMNS:
+        return x, y
+    column = np.minimum(((x - x[0]) / (x[-1] - x[0]) * _COLUMNS).astype(np.intp), _COLUMNS - 1)
+    first = np.flatnonzero(np.diff(column, prepend=-1))
+    return x[first], np.asarray(np.maximum.reduceat(y, first))

@@ -1,0 +1,51 @@
+"""A plan as a page for a browser: ``feedplan report``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from feedplan.cli.app import AsJson, CurveName, Machine, Scale, TableFile, Tolerance, app, exits, report_verdict
+from feedplan.job import load_part_of_table
+
+
+@app.command(
+    epilog=(
+        "\b\nExamples:\n"
+        "  feedplan report table.csv butterfly-nurbs -o report.html\n"
+        "  feedplan plan butterfly-nurbs --report report.html\n"
+    ),
+)
+def report(
+    table: TableFile,
+    curve: CurveName,
+    *,
+    output: Annotated[Path, typer.Option("--output", "-o", help="The page, .html.")],
+    machine: Machine = None,
+    scale: Scale = 1.0,
+    tolerance_mm: Tolerance = None,
+    as_json: AsJson = False,
+) -> None:
+    """Write a feedrate table as a page for a browser.
+
+    One file that needs no network: the path by feed, the use of every limit over time, the verdict, and for part programs
+    the time of each line.  Without --machine the limits in the table's own header count.
+    """
+    with exits():
+        from feedplan.page import require_report, write_report
+
+        require_report(output)
+        from feedplan.progress import ProgressLine, load_kernels
+        from planner import read_table
+
+        part = load_part_of_table(table, curve, scale, machine, tolerance_mm)
+        load_kernels()
+        with ProgressLine() as line:
+            line("reading the table")
+            profile = read_table(table, part.curve)
+            verdict = part.judge(profile, line, files=(str(output),))
+            lines = None if part.program is None else part.line_times(profile)
+            write_report(output, verdict, lines=lines, progress=line)
+        report_verdict(verdict, as_json)

@@ -1,0 +1,94 @@
+"""Part programs of any length: ``feedplan windows``."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from feedplan.cli.app import BROKEN, AsJson, Machine, Tolerance, app, exits, show
+from feedplan.job import load_machine, require_program
+from feedplan.progress import PLAN_KERNELS
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+    from planner.programs.long.windows import ProgramPlan
+
+_KERNELS = (*PLAN_KERNELS, "planner.programs.path.path_kernels")
+
+
+@app.command(
+    epilog=(
+        "\b\nExamples:\n"
+        "  feedplan windows long.ngc --machine mill.toml -o plan.npz\n"
+        "  feedplan windows long.ngc --tolerance-mm 0.01 -o plan.npz --json\n"
+    ),
+)
+def windows(
+    program: Annotated[str, typer.Argument(metavar="PROGRAM", help="Part program, .ngc.")],
+    *,
+    output: Annotated[Path, typer.Option("--output", "-o", help="Table of all windows, .npz.")],
+    machine: Machine = None,
+    tolerance_mm: Tolerance = None,
+    feed_mm_s: Annotated[float | None, typer.Option(help="Largest feed, in place of the machine's.")] = None,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Begin anew where an earlier run was interrupted.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Plan a part program too long to be planned as a whole, window by window.
+
+    Writes the table and, beside it, the seconds of every line.  Interrupted and started again, it goes on where it was.
+    Exit code 1: the plan breaks a limit.
+    """
+    with exits():
+        require_program(program, "feedplan windows")
+        from feedplan.progress import ProgressLine, load_kernels
+        from planner.programs.long.windows import plan_program
+
+        limits, name = load_machine(machine)
+        limits = limits if feed_mm_s is None else limits.with_feed(feed_mm_s)
+        load_kernels(_KERNELS)
+        began = time.perf_counter()
+        with ProgressLine() as line:
+            plan = plan_program(program, limits, tolerance_mm, output=output, progress=line, resume=not fresh)
+        seconds = time.perf_counter() - began
+        if as_json:
+            typer.echo(_json(plan, name, seconds))
+        else:
+            show(_text(plan, program, name, seconds))
+        if not plan.ok:
+            raise typer.Exit(BROKEN)
+
+
+def _json(plan: ProgramPlan, machine: str, seconds: float) -> str:
+    facts = {"machine": machine, "ok": plan.ok, "planning_s": seconds}
+    facts |= {key: str(value) if isinstance(value, Path) else value for key, value in asdict(plan).items()}
+    finite = {
+        key: None if isinstance(value, float) and not math.isfinite(value) else value for key, value in facts.items()
+    }
+    return json.dumps(finite, indent=2, allow_nan=False)
+
+
+def _text(plan: ProgramPlan, program: str, machine: str, seconds: float) -> RenderableType:
+    from rich.text import Text
+
+    resumed = f", {plan.resumed} of them by an earlier run" if plan.resumed else ""
+    lines = [
+        "every limit holds" if plan.ok else f"{len(plan.violations)} limits do not hold",
+        f"{program}: {plan.blocks} blocks, {plan.length:.6g} mm, {plan.duration:.6f} s on {machine}"
+        + (f", dwells {plan.dwell:.6g} s beside it" if plan.dwell else ""),
+        f"planned in {seconds:.3g} s, {plan.windows} windows{resumed}; joints within {plan.joint_feed:.2g} mm/s and "
+        f"{plan.joint_acceleration:.2g} mm/s^2",
+        f"largest use of a limit {plan.worst:.7f}, {plan.worst_limit}",
+        f"path within {1e3 * plan.deviation:.4g} um of the program (line {plan.deviation_line}), "
+        f"{100.0 * plan.deviation_share:.2f} % of the tolerance",
+        *plan.violations,
+        *plan.notes,
+        f"wrote {plan.table} and {plan.lines}",
+    ]
+    return Text("\n".join(lines))

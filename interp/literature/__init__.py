@@ -1,0 +1,1 @@
+"""Interpolators of the literature, to compare with."""

@@ -1,0 +1,112 @@
+"""Values and files that come from outside: checked once, with errors that name quantity, place and what is allowed."""
+
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from planner.errors import InputError
+from planner.types import FloatArray, Side
+
+_MAX_BYTES = 256 * 1024**2
+_MAX_QUOTATION = 60
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+
+
+def read_text(source: Any, error: type[InputError]) -> str:
+    """Read a text file (UTF-8, with or without a byte order mark).
+
+    Raises
+    ------
+    InputError, of the type ``error``
+        If the source is no path, or the file is missing, no ordinary file, too large, or not text.
+    """
+    if not isinstance(source, str | os.PathLike):
+        raise error(f"{source!r} must be the path of a file")
+    path = Path(source)
+    try:
+        # A pipe or a device would be waited for, or never end.
+        if path.exists() and not path.is_file():
+            raise error(f"{path}: is not a file")
+        if path.stat().st_size > _MAX_BYTES:
+            raise error(f"{path}: is larger than {_MAX_BYTES // 1024**2} MiB; the file must be smaller")
+        return path.read_text(encoding="utf-8-sig")
+    except InputError:
+        raise
+    except OSError as problem:
+        raise error(f"{path}: cannot be read ({problem.strerror})") from None
+    except UnicodeDecodeError:
+        raise error(f"{path}: is not text in UTF-8") from None
+    except ValueError as problem:  # a null byte
+        raise error(f"{str(source)!r}: is not a path ({problem})") from None
+
+
+def numbers(values: ArrayLike, what: str, error: type[InputError]) -> FloatArray:
+    """Convert to a new float array; no text, truth value or null passes for a number.
+
+    Raises
+    ------
+    InputError, of the type ``error``
+        Naming ``what`` and the offending entry.
+    """
+    try:
+        # As objects first: numpy would turn "1", true and null into numbers without a word.
+        raw = values if isinstance(values, np.ndarray) else np.array(values, dtype=object)
+        if raw.dtype == object:
+            odd = [x for x in raw.flat if isinstance(x, bool | np.bool_) or not isinstance(x, int | float | np.number)]
+            if odd:
+                ragged = isinstance(odd[0], list | tuple)
+                raise TypeError("rows differ in length" if ragged else f"{shorten(repr(odd[0]))} is not a number")
+        elif raw.dtype.kind not in "iuf":
+            raise TypeError(f"values of type {raw.dtype} are not numbers")
+        return raw.astype(np.float64)
+    except (TypeError, ValueError, OverflowError) as problem:
+        raise error(f"{what} must be an array of numbers ({problem})") from None
+
+
+def coordinates(values: ArrayLike, what: str) -> FloatArray:
+    """Take an array of parameters, lengths or times as it is, or convert a sequence; any shape, text is refused."""
+    try:
+        array = np.asarray(values)
+    except ValueError:
+        array = np.asarray(None)
+    if array.dtype.kind not in "iuf":
+        raise InputError(f"{what} = {shorten(repr(values))} must be a number or an array of numbers")
+    return array.astype(np.float64, copy=False)
+
+
+def plain_number(text: str, *, other: tuple[str, ...] = ()) -> float | None:
+    """Read a number as files hold it, in ASCII digits; None where the text is none.
+
+    Python itself also takes ``1_0``, digits of every script, and ``Infinity``.  ``other`` are words that pass, such as
+    ``inf`` or ``nan``.
+    """
+    return float(text) if text in other or _NUMBER.fullmatch(text) else None
+
+
+def positive_number(value: Any, what: str, hint: str = "") -> float:
+    """Check one number > 0; inf passes.  The hint ends the message."""
+    try:
+        number = float(value) if isinstance(value, int | float | np.number) and not isinstance(value, bool) else np.nan
+    except (TypeError, OverflowError):
+        number = np.nan
+    if not number > 0.0:
+        raise InputError(f"{what} = {shorten(repr(value))} must be a number > 0{hint}")
+    return number
+
+
+def shorten(text: str) -> str:
+    """Cut a quotation that would fill the screen, and spell out what cannot be printed."""
+    text = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text[: _MAX_QUOTATION + 1])
+    return text if len(text) <= _MAX_QUOTATION else text[: _MAX_QUOTATION - 3] + "..."
+
+
+def require_side(side: Side) -> None:
+    """Raise InputError for a side that is neither left nor right."""
+    if side not in ("left", "right"):
+        raise InputError(f'side = {side!r} must be "left" or "right"')

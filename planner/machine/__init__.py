@@ -1,0 +1,1 @@
+"""Machines: the limits of their axes, and the files that hold them."""

@@ -1,0 +1,1 @@
+"""What a plan is written as: tables, programs, figures, traces, certificates."""

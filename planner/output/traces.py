@@ -1,0 +1,227 @@
+"""A plan over time, thinned out for drawing: in every bucket of time the smallest and the largest value stay.
+
+A thinned line that keeps every n-th point loses the peaks, which are what limits are about.  Here the plan is evaluated
+inside every interval of its table, near both ends of each, since the jerk may jump at a node.  Where the points are few
+enough they are all kept; otherwise time is cut into equal buckets, and of each the extremes are kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.geometry.curve import Curve
+from planner.machine.limits import Limits, feedrate_limits
+from planner.profile import FeedrateProfile, Samples
+from planner.types import FloatArray
+
+_CHUNK = 100_000  # points evaluated at once; bounds the memory, changes no result
+_POINTS_INSIDE, _FEWEST_POINTS = 4, 2500
+_FEWEST_INSIDE = 3  # of an interval: both ends and the middle
+_END = 1e-6  # of an interval: so near its ends the jerk is its own
+_PLACES_APART = 0.25
+_CHORD_PLACES = 0.5 + _PLACES_APART * np.array([-1.0, 0.0, 1.0])  # of a period: the path is farthest near its middle
+
+
+@dataclass(frozen=True, eq=False)
+class Traces:
+    """Quantities over time; every array has the length of t.
+
+    Attributes
+    ----------
+    t : (n,) array
+        Increasing, s: the points, or the starts of the buckets and the end of the last.
+    low, high : dict of str to (n,) float32 array
+        Smallest and largest value in the bucket that starts at t; the same array where every point is kept.
+    """
+
+    t: FloatArray
+    low: dict[str, NDArray[np.float32]]
+    high: dict[str, NDArray[np.float32]]
+
+    @property
+    def thinned(self) -> bool:
+        """A place stands for a bucket, not for a point."""
+        return any(self.low[name] is not self.high[name] for name in self.low)
+
+
+@dataclass(frozen=True, eq=False)
+class PlanTraces(Traces):
+    """The plan over time.
+
+    The quantities are "feed", "feed limit" (the lowest that command, axis velocities and chord error set) and "limit at
+    steady feed" (that of the axis accelerations, which a changing feed may exceed), mm/s; "acceleration" and "jerk" along
+    the path, mm/s^2 and mm/s^3; and for every axis with such a limit "acceleration X" and "jerk X", as shares of it.
+
+    Attributes
+    ----------
+    u, s : (n,) arrays
+        Curve parameter and arc length (mm) at t.
+    position : (n, dim) array
+        The tool tip at t, mm.
+    binding : (n,) array
+        Index into the profile's ``limit_names``: at the point, or for most of the bucket.
+    """
+
+    u: FloatArray
+    s: FloatArray
+    position: FloatArray
+    binding: NDArray[np.int8]
+
+
+def trace_plan(curve: Curve, limits: Limits, profile: FeedrateProfile, most: int) -> PlanTraces:
+    """Evaluate a plan at about ``most`` times at most, or keep the extremes of that many buckets.
+
+    Raises InputError if the axes of the limits are not those of the curve.
+    """
+    limits.require_matches(curve)
+    intervals = int(np.count_nonzero(np.diff(profile.t) > 0.0))
+    inside = min(max(_POINTS_INSIDE, _FEWEST_POINTS // intervals), most // intervals)
+    if inside >= _FEWEST_INSIDE:
+        t = np.concatenate(list(_times(profile.t, inside, np.empty(0))))
+        parts = [_quantities(curve, limits, profile, t[k : k + _CHUNK]) for k in range(0, t.size, _CHUNK)]
+        low = {name: np.concatenate([part[name] for part in parts]).astype(np.float32) for name in parts[0]}
+        return _with_place(curve, profile, t, low, low, _nearest(profile, t))
+    edges = np.linspace(0.0, profile.duration, most)
+    envelope = _Envelope(edges, list(_quantities(curve, limits, profile, edges[:1])))
+    for t in _times(profile.t, _FEWEST_INSIDE, edges):
+        envelope.add(t, _quantities(curve, limits, profile, t))
+    return _with_place(curve, profile, edges, *envelope.result(), _longest(profile, edges))
+
+
+def trace_chord_error(curve: Curve, samples: Samples, most: int) -> Traces:
+    """Distance of the tip's path from the chord of each period, "chord error" in mm, at the middle of the period."""
+    count = samples.t.size - 1
+    middle = 0.5 * (samples.t[:-1] + samples.t[1:])
+    error = np.empty(count)
+    for k in range(0, count, _CHUNK):
+        error[k : k + _CHUNK] = _off_chord(curve.tip, samples.u[k : k + _CHUNK + 1])
+    if count <= most:
+        low = {"chord error": error.astype(np.float32)}
+        return Traces(middle, low, low)
+    edges = np.linspace(float(middle[0]), float(middle[-1]), most)
+    envelope = _Envelope(edges, ["chord error"])
+    envelope.add(middle, {"chord error": error})
+    return Traces(edges, *envelope.result())
+
+
+class _Envelope:
+    """The smallest and largest values in buckets of time, from points that come in the order of time."""
+
+    def __init__(self, edges: FloatArray, names: list[str]) -> None:
+        self.edges = edges
+        self.low = {name: np.full(edges.size, np.inf) for name in names}
+        self.high = {name: np.full(edges.size, -np.inf) for name in names}
+
+    def add(self, t: FloatArray, values: dict[str, FloatArray]) -> None:
+        """Take in points; every bucket must get one sooner or later."""
+        bucket = np.clip(np.searchsorted(self.edges, t, side="right") - 1, 0, self.edges.size - 1)
+        first = np.flatnonzero(np.diff(bucket, prepend=-1))
+        at = bucket[first]
+        for name, column in values.items():
+            self.low[name][at] = np.minimum(self.low[name][at], np.minimum.reduceat(column, first))
+            self.high[name][at] = np.maximum(self.high[name][at], np.maximum.reduceat(column, first))
+
+    def result(self) -> tuple[dict[str, NDArray[np.float32]], dict[str, NDArray[np.float32]]]:
+        """The extremes, in single precision."""
+        low, high = ({k: v.astype(np.float32) for k, v in side.items()} for side in (self.low, self.high))
+        return low, high
+
+
+def _times(nodes: FloatArray, inside: int, further: FloatArray) -> Iterator[FloatArray]:
+    """Times within every interval, both ends included, merged with further times: increasing, chunk by chunk."""
+    width = np.diff(nodes)
+    start, width = nodes[:-1][width > 0.0], width[width > 0.0]
+    share = np.linspace(0.0, 1.0, inside)
+    share[0], share[-1] = _END, 1.0 - _END
+    step = max(1, _CHUNK // inside)
+    for k in range(0, start.size, step):
+        last = k + step >= start.size
+        t = (start[k : k + step, None] + width[k : k + step, None] * share).reshape(-1)
+        if k == 0:
+            t[0] = nodes[0]
+        if last:
+            t[-1] = nodes[-1]
+        lo, hi = np.searchsorted(further, [start[k], np.inf if last else start[k + step]])
+        yield np.sort(np.concatenate([t, further[lo:hi]])) if hi > lo else t
+
+
+def _quantities(curve: Curve, limits: Limits, profile: FeedrateProfile, t: FloatArray) -> dict[str, FloatArray]:
+    """What is drawn, at the times t."""
+    states = profile.at(t)
+    u1, u2, u3 = (values[:, None] for values in (states.u_rate, states.u_acceleration, states.u_jerk))
+    q = curve.derivatives(states.u, 3)
+    allowed_feed = feedrate_limits(curve, limits, states.u)
+    found = {
+        "feed": states.feed,
+        "feed limit": np.minimum.reduce([allowed_feed.command, allowed_feed.axis_velocity, allowed_feed.chord_error]),
+        "limit at steady feed": allowed_feed.normal_acceleration,
+        "acceleration": states.acceleration,
+        "jerk": states.jerk,
+    }
+    motion = {
+        "acceleration": q[2] * u1**2 + q[1] * u2,
+        "jerk": q[3] * u1**3 + 3.0 * q[2] * u1 * u2 + q[1] * u3,
+    }
+    for what, values in motion.items():
+        allowed = getattr(limits, what)
+        for j, axis in enumerate(curve.axes):
+            if np.isfinite(allowed[j]):
+                found[f"{what} {axis}"] = values[:, j] / allowed[j]
+    return found
+
+
+def _with_place(
+    curve: Curve,
+    profile: FeedrateProfile,
+    t: FloatArray,
+    low: dict[str, NDArray[np.float32]],
+    high: dict[str, NDArray[np.float32]],
+    binding: NDArray[np.int8],
+) -> PlanTraces:
+    """Add where the tool is at the times t."""
+    states = [profile.at(t[k : k + _CHUNK]) for k in range(0, t.size, _CHUNK)]
+    u, s = (np.concatenate([getattr(part, name) for part in states]) for name in ("u", "s"))
+    return PlanTraces(t, low, high, u, s, curve.tip.derivatives(u, 0)[0], binding)
+
+
+def _nearest(profile: FeedrateProfile, t: FloatArray) -> NDArray[np.int8]:
+    """Limit that binds at the node nearest in time."""
+    node = np.searchsorted(0.5 * (profile.t[:-1] + profile.t[1:]), t, side="right")
+    return np.asarray(profile.binding[node])
+
+
+def _longest(profile: FeedrateProfile, edges: FloatArray) -> NDArray[np.int8]:
+    """Limit that holds the path back for the longest time in each bucket; a node stands for the time nearest to it."""
+    cuts = np.union1d(0.5 * (profile.t[:-1] + profile.t[1:]), edges)
+    middle = 0.5 * (cuts[:-1] + cuts[1:])
+    bucket = np.searchsorted(edges, middle, side="right") - 1
+    kinds = len(profile.limit_names)
+    time = np.bincount(bucket * kinds + _nearest(profile, middle), np.diff(cuts), edges.size * kinds)
+    longest = np.argmax(time.reshape(edges.size, kinds), axis=1)
+    longest[-1] = profile.binding[-1]  # the end of the last bucket
+    return np.asarray(longest, dtype=np.int8)
+
+
+def _off_chord(tip: Curve, u: FloatArray) -> FloatArray:
+    """Largest distance of the path between neighbours of u (m,) from the chord between them, (m - 1,), mm."""
+    ends = tip.derivatives(u, 0)[0]
+    start, chord = ends[:-1, None], np.diff(ends, axis=0)[:, None]
+    square = np.sum(chord**2, axis=-1)
+
+    def distance(places: FloatArray) -> FloatArray:
+        between = u[:-1, None] + np.diff(u)[:, None] * places
+        off = tip.derivatives(np.clip(between, *tip.domain), 0)[0] - start
+        along = np.divide(np.sum(off * chord, axis=-1), square, out=np.zeros(off.shape[:2]), where=square > 0.0)
+        return np.asarray(np.sqrt(np.sum((off - np.clip(along, 0.0, 1.0)[..., None] * chord) ** 2, axis=-1)))
+
+    found = distance(_CHORD_PLACES)
+    first, middle, last = found.T
+    # Where the parameter does not run evenly the path is farthest beside the middle: at the vertex of a parabola.
+    bend = first - 2.0 * middle + last
+    vertex = np.divide(first - last, 2.0 * bend, out=np.zeros_like(bend), where=bend < 0.0)
+    places = _CHORD_PLACES[1] + _PLACES_APART * np.clip(vertex, -1.0, 1.0)
+    return np.asarray(np.maximum(found.max(axis=1), distance(places[:, None])[:, 0]))

@@ -1,0 +1,386 @@
+"""Plan a feedrate: validate, cut at the stops, plan each section, and hand over a profile.
+
+A section runs from stop to stop, or from an end that has a feed; ``refine.py`` plans one.  What leaves here keeps every
+limit everywhere, not only at the points at which a solver looked.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from planner.errors import CurveError, InfeasibleError, InputError, SolverError
+from planner.geometry.curve import Curve, arc_derivatives
+from planner.law import TimeNodes, joined
+from planner.machine.limits import Limits, feedrate_limits
+from planner.plan.bounds import section_bound
+from planner.plan.chord_errors import slowed_for_chords
+from planner.plan.dual.problem import Pace
+from planner.plan.guard import explained, require_law
+from planner.plan.refine import (
+    ALMOST_MET,
+    MIN_INTERVALS,
+    PEAK_MARGIN,
+    Effort,
+    SectionPlan,
+    hold_chords,
+    not_met,
+    say_slowing_down,
+)
+from planner.plan.refine import plan_section as plan_and_refine
+from planner.plan.section import Section, cut
+from planner.plan.stage import WORTH_SAYING
+from planner.plan.utilisation import utilisation
+from planner.profile import FeedrateProfile, make_profile
+from planner.types import FloatArray, Progress
+
+Method = Literal["optimal", "nlp", "toppra", "scurve"]
+
+_MAX_INTERVALS = 20_000_000
+_LARGEST_SHARE = 1.0 - 1e-6  # of an acceleration at the start: the solver begins inside its limits
+_HARDLY_A_PLAN = 10.0  # of slowing down as a whole
+
+
+def plan_feedrate(
+    curve: Curve,
+    limits: Limits,
+    *,
+    method: Method = "optimal",
+    start_feed: float = 0.0,
+    end_feed: float = 0.0,
+    start_acceleration: float | None = None,
+    periodic: bool = False,
+    budget: float = np.inf,
+    intervals: int | None = None,
+    exact_stop: bool = False,
+    reserve: Sequence[tuple[float, float]] = (),
+    progress: Progress | None = None,
+) -> FeedrateProfile:
+    """Find the feedrate profile that finishes the curve soonest within the limits.
+
+    Parameters
+    ----------
+    curve : Curve
+    limits : Limits
+        One value for each axis of the curve.
+    method : {"optimal", "nlp", "toppra", "scurve"}
+        ``optimal``: the jerk-limited optimum by our interior-point method.  ``nlp``: the same problem by CasADi and
+        IPOPT, the reference.  ``toppra``: without a jerk limit, to compare with.  ``scurve``: jerk-limited S-curves
+        between the feed minima, what industry does today.
+    start_feed, end_feed : float
+        Tip feed at the ends, mm/s; 0 is rest.
+    start_acceleration : float, optional
+        Tangential acceleration of the tip at a start with a feed, mm/s^2, where a plan continues another one; free if left
+        out (methods ``optimal`` and ``nlp``), and without any jerk limit, under which it may step.
+    periodic : bool
+        The closed curve is run continuously: same feed and acceleration at both ends, free value.
+    budget : float
+        Computing time after which the best plan so far is returned, s (method ``optimal``).
+    intervals : int, optional
+        Number of intervals of the grid, shared out among the sections between exact stops.  If left out, as many as the
+        features of the curve need, refined wherever no limit binds.
+    exact_stop : bool
+        Stop at curvature discontinuities instead of passing them slowly.
+    reserve : sequence of (u, share)
+        Leave a share of the limits unused from each parameter on, in increasing order, so that another plan may go on from
+        there: its solver needs room around the state it begins with (methods ``optimal`` and ``nlp``).
+    progress : callable, optional
+        Called with a message and the share done (or None).
+
+    Returns
+    -------
+    FeedrateProfile
+
+    Raises
+    ------
+    InputError
+        If an argument is not allowed.
+    InfeasibleError
+        If the limits and the prescribed feeds contradict each other.
+    SolverError
+        If no plan was found.
+    """
+    began = time.perf_counter()
+    _validate(curve, limits, method, start_feed, end_feed, periodic, budget, intervals)
+    sections = cut(curve, limits, start_feed, end_feed, exact_stop=exact_stop, periodic=periodic)
+    if start_acceleration is not None:
+        _require_continued(curve, limits, start_feed, start_acceleration, method)
+        sections[0] = replace(sections[0], start_acceleration=start_acceleration)
+    if reserve:
+        begins = [u for u, _ in reserve]
+        if begins != sorted(begins) or not all(0.0 <= share < 1.0 for _, share in reserve):
+            raise InputError(f"reserve = {reserve!r} must be increasing parameters, each with a share in [0, 1)")
+        sections = [replace(section, reserve=tuple(reserve)) for section in sections]
+    if periodic and len(sections) > 1:
+        raise InputError(
+            f"periodic = True cannot pass the exact stop of {curve.name} at u = {sections[1].u_start:.6g}: let the curve "
+            "begin there and plan it from stop to stop"
+        )
+    plans = []
+    shares = _shares(sections)
+    for i, section in enumerate(sections):
+        if progress is not None:
+            progress(f"section {i + 1} of {len(sections)}", float(shares[:i].sum()))
+        effort = Effort.for_share(intervals, float(shares[i]), section)
+        try:
+            plans.append(_plan_section(section, limits, method, periodic, began + budget, effort, progress))
+        except SolverError as error:
+            raise explained(curve, error, section.u_start, section.u_end) from None
+        _require_worth(section, plans[-1], free=method == "optimal" and intervals is None)
+    plans = _hold_chords(curve, limits, sections, plans)
+    nodes = joined([plan.nodes for plan in plans])
+    try:
+        require_law(curve, nodes)
+    except SolverError as error:
+        raise explained(curve, error, *curve.domain) from None
+    stats = _collect(sections, plans, limits, exact_stop)
+    slowed = np.repeat(
+        [max(1.0, plan.stats.get("slowdown", 1.0)) for plan in plans], [plan.nodes.t.size for plan in plans]
+    )
+    stats["planning_s"] = time.perf_counter() - began
+    return make_profile(
+        curve,
+        limits,
+        (nodes.t, nodes.u, nodes.u_rate, nodes.u_acceleration),
+        method=method,
+        lower_bound=sum(plan.lower_bound for plan in plans),
+        stats=stats,
+        slowed=slowed,
+    )
+
+
+def _validate(
+    curve: Curve,
+    limits: Limits,
+    method: str,
+    start_feed: float,
+    end_feed: float,
+    periodic: bool,
+    budget: float,
+    intervals: int | None,
+) -> None:
+    limits.require_matches(curve)
+    if method not in get_args(Method):
+        raise InputError(f"method = {method!r} must be one of {', '.join(get_args(Method))}")
+    if not budget > 0.0:
+        raise InputError(f"budget = {budget!r} s must be > 0")
+    if intervals is not None:
+        whole = isinstance(intervals, int | np.integer) and not isinstance(intervals, bool)
+        if not whole:
+            raise InputError(f"intervals = {intervals!r} must be a whole number")
+        if not MIN_INTERVALS <= intervals <= _MAX_INTERVALS:
+            raise InputError(f"intervals = {intervals!r} must lie within [{MIN_INTERVALS}, {_MAX_INTERVALS}]")
+    if periodic:
+        if method not in {"optimal", "nlp"}:
+            raise InputError(f"periodic = True is planned by the methods optimal and nlp, not by {method!r}")
+        _require_closed(curve, start_feed, end_feed)
+    for name, feed, u in (("start_feed", start_feed, curve.domain[0]), ("end_feed", end_feed, curve.domain[1])):
+        if not (isinstance(feed, int | float | np.number) and np.isfinite(feed) and feed >= 0.0):
+            raise InputError(f"{name} = {feed!r} mm/s must be >= 0 and finite")
+        if feed > 0.0:
+            allowed = float(feedrate_limits(curve, limits, u).lowest)
+            if feed > allowed:
+                raise InfeasibleError(
+                    f"{name} = {feed!r} mm/s is above the feed limit there, {allowed:.6g} mm/s (u = {u:.9g})"
+                )
+
+
+def _require_continued(curve: Curve, limits: Limits, start_feed: float, start_acceleration: float, method: str) -> None:
+    if not np.isfinite(start_acceleration):
+        raise InputError(f"start_acceleration = {start_acceleration!r} mm/s^2 must be finite")
+    if start_feed == 0.0:
+        raise InputError("start_acceleration needs a start_feed > 0; a path begins at rest without acceleration")
+    if method not in {"optimal", "nlp"}:
+        raise InputError(f"start_acceleration is kept by the methods optimal and nlp, not by {method!r}")
+    if abs(start_acceleration) >= limits.tangential_acceleration * _LARGEST_SHARE:
+        raise InfeasibleError(
+            f"start_acceleration = {start_acceleration:g} mm/s^2 must stay below the tangential acceleration, "
+            f"{limits.tangential_acceleration:g} mm/s^2"
+        )
+    q, tip = (part.derivatives(curve.domain[0], 2) for part in (curve, curve.tip))
+    speed = float(np.sqrt(tip[1] @ tip[1]))
+    slope = q[1] / speed
+    bend = (q[2] - slope * (tip[1] @ tip[2] / speed)) / speed**2
+    of_axes = np.abs(slope * start_acceleration + bend * start_feed**2)
+    for axis, size, most in zip(curve.axes, of_axes, limits.acceleration, strict=True):
+        if size >= most * _LARGEST_SHARE:
+            raise InfeasibleError(
+                f"start_acceleration = {start_acceleration:g} mm/s^2 at {start_feed:g} mm/s takes {size:.9g} of "
+                f"acceleration {axis}, which must stay below {most:g}; lower it, or the feed"
+            )
+
+
+def _require_closed(curve: Curve, start_feed: float, end_feed: float) -> None:
+    if start_feed or end_feed:
+        raise InputError("periodic = True leaves the feed at the ends free; start_feed and end_feed must be 0")
+    ends = [curve.derivatives(np.array([u]), 3)[:, 0] for u in curve.domain]
+    gap = float(np.abs(ends[1][0] - ends[0][0]).max())
+    size = float(np.abs(curve.derivatives(np.linspace(*curve.domain, 64), 0)[0] - ends[0][0]).max())
+    if gap > 1e-9 * size:
+        raise InputError(f"periodic = True needs a closed curve; the ends of {curve.name} are {gap:.3g} apart")
+    directions = [end[1] / np.sqrt(np.sum(end[1] ** 2)) for end in ends]
+    turn = float(np.abs(directions[1] - directions[0]).max())
+    if turn > 1e-8:
+        raise InputError(f"periodic = True needs a smooth seam; the tangent of {curve.name} turns by {turn:.3g} there")
+    bends = [arc_derivatives(end[:, None])[2, 0] for end in ends]
+    jump = float(np.abs(bends[1] - bends[0]).max())
+    if jump > 1e-6 * max(float(np.abs(bends).max()), 1.0 / size):
+        raise InputError(
+            f"periodic = True needs a smooth seam; the curvature of {curve.name} jumps by {jump:.4g} 1/mm there: let the "
+            "curve begin elsewhere"
+        )
+
+
+def _shares(sections: list[Section]) -> FloatArray:
+    """Share of each section in the length of the tool path; of the parameter where the tip does not move."""
+    u = np.array([section.u_start for section in sections] + [sections[-1].u_end])
+    lengths = np.diff(sections[0].curve.arclength.s(u))
+    lengths = lengths if lengths.sum() > 0.0 else np.diff(u)
+    return np.asarray(lengths / lengths.sum())
+
+
+def _plan_section(
+    section: Section,
+    limits: Limits,
+    method: str,
+    periodic: bool,
+    deadline: float,
+    effort: Effort,
+    progress: Progress | None,
+) -> SectionPlan:
+    if method == "scurve":
+        from planner.plan.solvers.scurve import plan_section
+
+        feeds = (section.start_feed or 0.0, section.end_feed or 0.0)
+        nodes = TimeNodes(*plan_section(section.curve, limits, section.u_start, section.u_end, *feeds))
+        return SectionPlan(nodes, np.nan, {"status": "feasible", "intervals": nodes.t.size - 1})
+    if method != "toppra" and not limits.has_jerk:
+        return _plan_without_jerk(section, limits, effort, periodic)
+    if method == "toppra":
+        from planner.plan.solvers.toppra import plan_section as plan_by_toppra
+
+        nodes, stats = plan_by_toppra(section, limits, effort.intervals)
+        if not section.has_prescribed_feed:
+            used = utilisation(section.curve, limits, nodes)
+            slowdown = max(float(used.speed.max()), float(np.sqrt(used.acceleration.max())))
+            nodes = nodes.dilated(max(1.0, slowdown * (1.0 + PEAK_MARGIN)))
+            if slowdown > 1.0:
+                stats["slowdown"] = slowdown
+                percent = 100.0 * (slowdown - 1.0)
+                stats["notes"] = [f"slowed down by {percent:.2g} % for what toppra exceeds between its points"]
+        bound = section_bound(section, limits.without_jerk(), effort.intervals, Pace(nodes.u, nodes.t))
+        return SectionPlan(nodes, bound, stats)
+    return plan_and_refine(
+        section,
+        limits,
+        method=method,
+        periodic=periodic,
+        deadline=deadline,
+        effort=effort,
+        progress=progress,
+    )
+
+
+def _plan_without_jerk(section: Section, limits: Limits, effort: Effort, periodic: bool) -> SectionPlan:
+    """Plan one section without any jerk limit; what its law still exceeds of the others slows it down."""
+    from planner.plan.solvers.accelerations import plan_section
+
+    nodes, unmet, place, stats = plan_section(section, limits, effort.intervals)
+    stats["notes"] = []
+    say_slowing_down(unmet, place, stats)
+    if not section.has_prescribed_feed:
+        nodes = nodes.dilated(unmet * (1.0 + PEAK_MARGIN) if unmet > 1.0 else 1.0)
+    elif unmet > ALMOST_MET:
+        raise SolverError(not_met(section, unmet))
+    bound = section_bound(section, limits, effort.intervals, Pace(nodes.u, nodes.t), periodic=periodic)
+    return SectionPlan(nodes, bound, stats)
+
+
+def _require_worth(section: Section, plan: SectionPlan, *, free: bool) -> None:
+    """Refuse a curve of which a plan must be run many times slower than it was solved, where the curve is the reason.
+
+    Where refinement was ``free`` to choose the grid, the curve is the reason also where nothing about it stands out.
+    """
+    slowdown = plan.stats.get("slowdown", 1.0)
+    if slowdown <= _HARDLY_A_PLAN or section.has_prescribed_feed:
+        return
+    reason = explained(
+        section.curve,
+        SolverError(
+            f"{section.curve.name}: what was found between u = {section.u_start:.9g} and {section.u_end:.9g} must be run "
+            f"{slowdown:.3g} times slower than it was solved, which is hardly a plan"
+        ),
+        section.u_start,
+        section.u_end,
+    )
+    if isinstance(reason, CurveError):
+        raise reason
+    if free:
+        place = plan.outcome.best.place if plan.outcome else section.u_start
+        raise CurveError(f"{reason}: near u = {place:.9g} no grid followed it; split the curve there")
+
+
+def _hold_chords(curve: Curve, limits: Limits, sections: list[Section], plans: list[SectionPlan]) -> list[SectionPlan]:
+    """Slow down the sections in which the true chord error is too large, and say so."""
+    may_slow = np.array([not section.has_prescribed_feed for section in sections])
+    factors = slowed_for_chords(curve, limits, [plan.nodes for plan in plans], may_slow)
+    if (factors > 1.0).any():
+        plans = [hold_chords(plan) if factor > 1.0 else plan for plan, factor in zip(plans, factors, strict=True)]
+        factors = slowed_for_chords(curve, limits, [plan.nodes for plan in plans], may_slow)
+    held = []
+    for section, plan, factor in zip(sections, plans, factors, strict=True):
+        if factor == 1.0:
+            held.append(plan)
+            continue
+        percent = 100.0 * (factor - 1.0)
+        note = (
+            f"slowed down by {percent:.2g} % from u = {section.u_start:.6g} to {section.u_end:.6g} for its chord error, "
+            "which the osculating circle does not tell where the curvature changes within a period"
+        )
+        stats = {**plan.stats, "slowdown": max(1.0, plan.stats.get("slowdown", 1.0)) * float(factor)}
+        stats["notes"] = [*plan.stats.get("notes", []), note]
+        if factor > WORTH_SAYING:
+            stats["status"] = f"slowed down by {percent:.2g} %"
+        held.append(SectionPlan(plan.nodes.dilated(float(factor)), plan.lower_bound, stats))
+    return held
+
+
+def _collect(sections: list[Section], plans: list[SectionPlan], limits: Limits, exact_stop: bool) -> dict[str, Any]:
+    """What the solver did, over all sections, and what a reader of the verdict should know of the path."""
+    notes = []
+    for section in sections[1:]:
+        bend = f", a bend of {section.bend:.3g} mm radius" if section.bend > 0.0 else ""
+        notes.append(f"exact stop at u = {section.u_start:.6g}{bend}")
+    for section in sections:
+        notes += [
+            f"curvature jumps by {b.curvature_jump:.4g} 1/mm at u = {b.u:.6g}: passed slowly, so that the samples at "
+            f"{1e3 * limits.period:g} ms keep the jerk limit; exact_stop=True would stop there"
+            for b in section.jumps
+        ]
+    for plan in plans:
+        notes += plan.stats.get("notes", [])
+    if not limits.has_jerk:
+        notes.append("no jerk limit is set: planned without one, the acceleration may step")
+    every = [plan.stats for plan in plans]
+    status = next((s["status"] for s in every if s["status"] not in {"optimal", "feasible"}), every[0]["status"])
+    stats: dict[str, Any] = {"status": status, "period": limits.period, "notes": notes, "sections": len(sections)}
+    for key in ("iterations", "intervals", "solve_cpu_s", "first_solve_cpu_s"):
+        stats[key] = sum(s.get(key, 0) for s in every)
+    for key in ("gap", "residual", "rounds", "slowdown"):
+        found = [s[key] for s in every if key in s]
+        if found:
+            stats[key] = max(found)
+    if all("proven_global" in s for s in every):
+        stats["proven_global"] = all(s["proven_global"] for s in every)
+    stats |= {"exact_stop": exact_stop, "periodic": any(np.isnan(s.start_feed or 0.0) for s in sections)}
+    saved: dict[str, float] = {}
+    for s in every:
+        for name, value in s.get("saved_by_one_percent", {}).items():
+            saved[name] = saved.get(name, 0.0) + value
+    if saved:
+        stats["saved_by_one_percent"] = dict(sorted(saved.items(), key=lambda item: -item[1]))
+    return stats

@@ -1,0 +1,510 @@
+"""Where the knots of a plan go.
+
+The feed that the limits allow at every point alone, made reachable by a forward and a backward scan, is a good guess of
+the plan.  It gives the time spent along the path, and knots are placed by
+
+    density = 0.2 uniform + 0.5 time + 0.3 turning angle,
+
+with neighbouring spacings within a factor of about 2, no fewer than twenty in each rest blend, and a knot on every
+break of the path: a double one where q''' jumps, so that the plan's third derivative may jump with it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.errors import CurveError, InfeasibleError
+from planner.geometry.curve import arc_derivatives, curvature, dot
+from planner.machine.limits import Limits, chord_feed_limit, commanded_feed
+from planner.plan.section import BLEND_LENGTH, Section, axis_weights, evaluate
+from planner.plan.slow import resolved
+from planner.types import FloatArray
+
+_UNIFORM, _TIME, _TURNING = 0.2, 0.5, 0.3
+# A path that turns by less in all, rad, is a straight line: its turning is rounding.
+_STRAIGHT = 1e-9
+# |d spacing / d sigma| that keeps neighbours within a factor 2
+_GROWTH = 0.6
+# Knots at least for a change of log |C'| by 1, and the share of the jerk limit that the quintics between may add.
+_PER_CHANGE, _STRETCHED_JERK = 4.0, 1e-3
+_BLEND_KNOTS = 20
+_SLIVER = 1e-13  # of the whole
+# Samples: so many an interval, fewer where there are many
+_SCAN_PER_INTERVAL, _MANY = 2, 20_000
+_MIN_SCAN = 600
+# A stretch between breaks has at least so many: a cubic corner has no curvature at either end, only inside.
+_SCAN_PER_STRETCH, _GRADED = 16, 20
+# How much of acceleration and jerk the scans let the feed use along the path; the rest is left to the curvature.
+_SCAN_ACCELERATION = 0.7
+_SCAN_JERK = 0.35 * 2.12
+# An axis that hardly moves at a stop hardly limits what the path may do there; beyond this factor its share is not taken.
+_UNUSUAL = 10.0
+# A step D of an axis' acceleration adds 0.75 D / period to the jerk of the samples: with D <= 2/3 J period that is J/2.
+STEP_SHARE = 2.0 / 3.0
+# Spacing at a curvature jump against the width of the dip there, and at most how many knots a dip may add to a grid.
+_DIP_SHARE, _DIP_KNOTS = 0.25, 40
+_DIP_LEVELS = 10
+_NARROWEST_DIP = 1e-9  # of the section
+# Share of the jerk limit that rounding may make of nodes close to one another.
+_ROUNDING_SHARE = 1e-3
+# The same where only nodes as close as that follow the path, with room for the rest of the jerk.
+SHORTEST_SHARE = 10.0
+_LEAST_RESOLVABLE = 200
+# Of the length of a section that a digit of u may be worth, and the fewest intervals that it must resolve.
+_LARGEST_DIGIT, _FEWEST_RESOLVED = 1e-5, 24
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """A guess of the plan on a sample of a section.
+
+    ``y`` and ``length`` (weighted arc length) at the samples; ``feed`` the guess and ``ceiling`` the pointwise bound in
+    weighted units per s; ``turning`` the accumulated turning angle, rad; ``acceleration`` and ``jerk`` the tangential
+    ones that the axes allow at the samples; ``speed`` the weighted |dq/du|; ``u`` the curve
+    parameter.  ``dips`` are places at which the feed is held low.
+    """
+
+    y: FloatArray
+    length: FloatArray
+    feed: FloatArray
+    ceiling: FloatArray
+    turning: FloatArray
+    acceleration: FloatArray
+    jerk: FloatArray
+    speed: FloatArray
+    u: FloatArray
+    dips: Dips
+
+    @property
+    def time(self) -> FloatArray:
+        """Accumulated time at the samples, s."""
+        mean = 0.5 * (self.feed[1:] + self.feed[:-1])
+        return np.concatenate([[0.0], np.cumsum(np.diff(self.length) / mean)])
+
+    @property
+    def duration(self) -> float:
+        """Of the guess, s."""
+        return float(self.time[-1])
+
+
+@dataclass(frozen=True, eq=False)
+class Dips:
+    """Where the feed is held low: at curvature jumps, and at ends with a feed.
+
+    The ``y`` of each, the ``feed`` there, and the ``width`` of y over which it doubles or so.
+    """
+
+    y: FloatArray
+    feed: FloatArray
+    width: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Knots of a section.
+
+    Attributes
+    ----------
+    sigma : (n,) array
+        Non-decreasing; equal neighbours are a double knot.
+    u : (n,) array
+        Curve parameters, exact on breaks.
+    left : (k,) int array
+        Knots at which the path is taken from the left: the first of each double one, and the last.
+    """
+
+    sigma: FloatArray
+    u: FloatArray
+    left: NDArray[np.intp]
+
+    @property
+    def stretch_end(self) -> FloatArray:
+        """For each knot the parameter at which its stretch between breaks ends, (n,)."""
+        return np.repeat(self.u[self.left], np.diff(self.left, prepend=-1))
+
+    @property
+    def intervals(self) -> int:
+        """Number of intervals that are not empty."""
+        return int(np.count_nonzero(np.diff(self.sigma) > 0.0))
+
+
+def scan(section: Section, limits: Limits, intervals: int, *, follow: bool = False) -> Scan:
+    """Sample a section and guess its feed; ``follow``: with samples that crowd where |C'| changes fast."""
+    curve = section.curve
+    weights = axis_weights(limits)
+    count = max(_MIN_SCAN, min(_SCAN_PER_INTERVAL * intervals, intervals + _MANY))
+    y = np.linspace(section.y_start, section.y_end, count + 1)
+    # The ends need closer samples, or a start that is short against the path is stepped over.
+    near = (section.y_end - section.y_start) * np.geomspace(1e-9, 0.5 / count, 48)
+    dips = _dips(section, limits, weights)
+    close = _close_to(dips, (section.y_end - section.y_start) / count)
+    close = close[(close > section.y_start) & (close < section.y_end)]
+    breaks = section.coordinate(_breaks(section))
+    inside = _inside_short(np.concatenate([[section.y_start], breaks, [section.y_end]]), y[1] - y[0])
+    y = np.unique(np.concatenate([y, section.y_start + near, section.y_end - near, breaks, inside, close]))
+    u = section.parameter(y)
+    if follow:
+        more = resolved(curve, weights, np.unique(u))
+        y = np.unique(np.concatenate([y, np.clip(section.coordinate(more), y[0], y[-1])]))
+        u = section.parameter(y)
+    q = evaluate(curve, u, u >= section.u_end)
+    scaled = q.copy()
+    scaled[1:] *= weights
+    arc = arc_derivatives(scaled)
+    speed = np.sqrt(dot(scaled[1], scaled[1]))
+    # Not differences of its sum: next to a place where |C'| nearly vanishes these are nothing but rounding.
+    way = 0.5 * (speed[1:] + speed[:-1]) * np.diff(u)
+    length = np.concatenate([[0.0], np.cumsum(way)])
+    accelerations, jerks = weights * limits.acceleration, weights * limits.jerk
+    # a sample on a step of the cap takes the lower side
+    commanded = np.minimum(commanded_feed(curve, limits, u), commanded_feed(curve, limits, u, True))
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        # fmin passes over the 0/0 of an axis that neither moves nor has a limit
+        ceiling = np.fmin.reduce(weights * limits.velocity / np.abs(arc[1]), axis=1)
+        ceiling = np.fmin(ceiling, np.sqrt(np.fmin.reduce(accelerations / np.abs(arc[2]), axis=1)))
+        ceiling = np.fmin(ceiling, np.cbrt(np.fmin.reduce(jerks / np.abs(arc[3]), axis=1)))
+        tip = q if curve.tip is curve else evaluate(curve.tip, u, u >= section.u_end)
+        ratio = np.sqrt(dot(tip[1], tip[1])) / speed
+        feed = np.fmin(commanded, chord_feed_limit(curvature(tip), limits))
+        ceiling = np.fmin(ceiling, np.where(ratio > 0.0, feed / ratio, np.inf))
+        acceleration = np.fmin.reduce(accelerations / np.abs(arc[1]), axis=1)
+        acceleration = np.fmin(acceleration, np.where(ratio > 0.0, limits.tangential_acceleration / ratio, np.inf))
+        jerk = np.fmin.reduce(jerks / np.abs(arc[1]), axis=1)
+        jerk = np.fmin(jerk, np.where(ratio > 0.0, limits.tangential_jerk / ratio, np.inf))
+    at = np.searchsorted(y, dips.y)
+    ceiling[at] = np.minimum(ceiling[at], dips.feed)
+    kappa = np.sqrt(dot(arc[2], arc[2]))
+    per_tip_feed = np.divide(1.0, ratio, out=np.full_like(ratio, np.inf), where=ratio > 0.0)
+    feed = _reachable(section, ceiling, way, acceleration, jerk, per_tip_feed)
+    _require_feed(section, u, feed, speed)
+    found = Scan(y, length, feed, ceiling, _accumulate(kappa, length), acceleration, jerk, speed, u, dips)
+    _require_digits(section, found)
+    return found
+
+
+def _require_feed(section: Section, u: FloatArray, feed: FloatArray, speed: FloatArray) -> None:
+    """Refuse a path on which some place between the ends can only be passed at no feed at all."""
+    held = np.flatnonzero(~(feed[1:] + feed[:-1] > 0.0))
+    if held.size:
+        raise CurveError(
+            f"{section.curve.name}: no feed is left at u = {u[held[0]]:.9g}, where |C'| = {speed[held[0]]:.3g}: its "
+            "curvature there is beyond double precision; split the curve there, or move the control points around it"
+        )
+
+
+def _require_digits(section: Section, guess: Scan) -> None:
+    """Refuse a path of which u, in double precision, does not tell the points, or not the jerk between a few."""
+    digit = np.spacing(np.abs(guess.u)) * guess.speed
+    at = int(digit.argmax())
+    share = digit[at] / guess.length[-1]
+    if share > _LARGEST_DIGIT or _resolved(guess) < _FEWEST_RESOLVED:
+        raise CurveError(
+            f"{section.curve.name}: a digit of u is worth {share:.2g} of the path between u = {section.u_start!r} and "
+            f"{section.u_end!r}, too much for a plan at these limits; let the parameter begin near 0, or spread it more "
+            "evenly"
+        )
+
+
+def _dips(section: Section, limits: Limits, weights: FloatArray) -> Dips:
+    """Feeds (weighted) at which the curvature jumps of a section may be passed, one by one, and those at its ends."""
+    curve = section.curve
+    ends = [(u, feed) for u, feed in ((section.u_start, section.start_feed), (section.u_end, section.end_feed)) if feed]
+    ends = [(u, feed) for u, feed in ends if np.isfinite(feed)]
+    u = np.array([*(b.u for b in section.jumps), *(u for u, _ in ends)])
+    sides = [curve.derivatives(u, 3, side=side) for side in ("left", "right")]
+    for d in sides:
+        d[1:] *= weights
+    before, after = (arc_derivatives(d) for d in sides)
+    jerks = weights * limits.jerk
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        feed = np.sqrt(np.fmin.reduce(STEP_SHARE * limits.period * jerks / np.abs(after[2] - before[2]), axis=1))
+        for i, (at, prescribed) in enumerate(ends, start=len(section.jumps)):
+            tip = np.sqrt(np.sum(curve.tip.derivatives(at, 1)[1] ** 2))
+            feed[i] = prescribed / tip * np.sqrt(np.sum(sides[0][1, i] ** 2))
+        width = feed**1.5 / (_SCAN_JERK * np.sqrt(np.fmin.reduce(jerks / np.abs(after[1]), axis=1)))
+    if section.arc is None:
+        width /= np.sqrt(dot(sides[0][1], sides[0][1]))
+    least = _NARROWEST_DIP * (section.y_end - section.y_start)
+    return Dips(section.coordinate(u), feed, np.where(np.isfinite(width), np.maximum(width, least), np.inf))
+
+
+def _inside_short(edges: FloatArray, spacing: float) -> FloatArray:
+    """Samples inside the stretches between ``edges`` that are too short for the given spacing to see what they hold.
+
+    Beside them there are samples ever further apart, up to that spacing: the feed falls to what such a stretch allows within
+    a way of its own size, and from one far sample to the stretch its time would be guessed much too long.
+    """
+    width = np.diff(edges)
+    short = np.flatnonzero((width > 0.0) & (width < _SCAN_PER_STRETCH * spacing))
+    share = np.arange(1, _SCAN_PER_STRETCH) / _SCAN_PER_STRETCH
+    inside = edges[short, None] + width[short, None] * share
+    reach = width[short, None] * 2.0 ** np.arange(_GRADED)
+    reach = np.where(reach < spacing, reach, 0.0)
+    beside = np.concatenate([edges[short, None] - reach, edges[short + 1, None] + reach])
+    return np.clip(np.concatenate([inside.reshape(-1), beside.reshape(-1)]), edges[0], edges[-1])
+
+
+def _close_to(dips: Dips, spacing: float) -> FloatArray:
+    """Samples around the dips that the given spacing would step over, ever closer."""
+    narrow = dips.width < spacing
+    if not narrow.any():
+        return np.empty(0)
+    levels = int(np.ceil(np.log(spacing / dips.width.min()) / np.log(4.0))) + 1
+    distance = spacing * 0.25 ** np.arange(1, min(levels, _DIP_LEVELS) + 1)
+    around = dips.y[narrow][:, None] + np.concatenate([-distance, distance])
+    return np.asarray(around.reshape(-1))
+
+
+def _accumulate(rate: FloatArray, over: FloatArray) -> FloatArray:
+    return np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(over))])
+
+
+def _steps(rate: FloatArray, way: FloatArray, ceiling: FloatArray) -> FloatArray:
+    """Growth over the way (n - 1,) from sample to sample, at most the largest finite ceiling.
+
+    Where the only axes with a limit stand still the rate has no bound, and its sum would swamp all others.
+    """
+    steps = 0.5 * (rate[1:] + rate[:-1]) * way
+    largest = float(ceiling[np.isfinite(ceiling)].max(initial=0.0))
+    return np.minimum(steps, largest) if largest > 0.0 else steps
+
+
+def _grown(values: FloatArray, steps: FloatArray) -> FloatArray:
+    """Largest values below the given ones (n,) that exceed no neighbour by more than the step between, ``steps (n - 1,)``.
+
+    By sums over all steps; where these swamp neighbours that are not 0, the steps are taken one by one.
+    """
+    from planner.plan.utilisation_kernels import limit_growth
+
+    growth = np.concatenate([[0.0], np.cumsum(steps)])
+    forward = np.minimum.accumulate(values - growth) + growth
+    back = growth[-1] - growth[::-1]
+    out = np.asarray((np.minimum.accumulate(forward[::-1] - back) + back)[::-1])
+    if not (out[1:] + out[:-1] > 0.0).all():
+        out = values.copy()
+        limit_growth(out, steps)
+    return np.maximum(out, 0.0)
+
+
+def _reachable(
+    section: Section,
+    ceiling: FloatArray,
+    way: FloatArray,
+    acceleration: FloatArray,
+    jerk: FloatArray,
+    per_tip_feed: FloatArray,
+) -> FloatArray:
+    """Largest feed below the ceiling that grows and falls no faster than acceleration and jerk allow.
+
+    Under an acceleration A alone v^2 grows by 2A a unit of length; under a jerk J alone v^1.5 by 2.12 sqrt(J).
+    """
+    feed = ceiling.copy()
+    for index, prescribed in ((0, section.start_feed), (-1, section.end_feed)):
+        at_end = 0.0 if prescribed is None else prescribed * per_tip_feed[index]
+        feed[index] = min(feed[index], at_end) if np.isfinite(at_end) else feed[index]
+    # Powers are taken of shares of the largest feed: the same numbers in any units.
+    top = float(feed[np.isfinite(feed)].max(initial=0.0)) or 1.0
+    share = feed / top
+    growths = ((2.0, 2.0 * _SCAN_ACCELERATION * acceleration / top**2), (1.5, _SCAN_JERK * np.sqrt(jerk / top**3)))
+    for power, rate in growths:
+        finite = np.isfinite(rate)
+        if not finite.any():
+            continue
+        bounded = np.where(finite, rate, rate[finite].max())
+        raised = _grown(share**power, _steps(bounded, way, share**power))
+        share = raised ** (1.0 / power)
+    feed = share * top
+    if not np.isfinite(feed).all():
+        raise InfeasibleError(
+            f"{section.curve.name}: nothing limits the feed between u = {section.u_start:.9g} and {section.u_end:.9g}; "
+            "a feed, an axis velocity, acceleration or jerk must be finite"
+        )
+    return feed
+
+
+def with_blends(section: Section, guess: Scan) -> Section:
+    """Give a section the widths of its rest map: v (v/A + A/J) / 2 at each stop, shrunk until both fit."""
+    widths = []
+    for at, rests in ((0, section.start_feed is None), (-1, section.end_feed is None)):
+        if not rests:
+            widths.append(0.0)
+            continue
+        distance = guess.length if at == 0 else guess.length[-1] - guess.length
+        top = float(guess.feed.max())
+        jerk, most = _at_stop(guess.jerk, at), _at_stop(guess.acceleration, at)
+        for _ in range(4):
+            acceleration = min(most, float(np.sqrt(top * jerk)))
+            build_up = acceleration / jerk if np.isfinite(jerk) else 0.0
+            width = 0.5 * top * (top / acceleration + build_up)
+            top = float(guess.feed[distance <= max(width, distance[1 if at == 0 else -2])].max())
+        widths.append(width if section.arc is not None else width / float(guess.speed[at]))
+    room = (section.y_end - section.y_start) / BLEND_LENGTH
+    if sum(widths) > room:
+        # Where one stop needs little, the other may use what it leaves.
+        share = room / sum(widths)
+        widths = [width * share for width in widths]
+    return replace(section, blend_start=widths[0], blend_end=widths[1])
+
+
+def _at_stop(allowed: FloatArray, at: int) -> float:
+    """Acceleration or jerk at a stop; where no axis with a limit moves there, what is usual along the path."""
+    usual = allowed[np.isfinite(allowed)]
+    return float(min(allowed[at], _UNUSUAL * np.median(usual))) if usual.size else float(allowed[at])
+
+
+def place_knots(section: Section, guess: Scan, intervals: int, *, follow: bool = False) -> Grid:
+    """Distribute about ``intervals`` intervals over a section (with blends) by the density above.
+
+    ``follow``: more where quintics of u would not follow |C'| otherwise; a bound has none.
+    """
+    span, w0, w1 = section.span, section.blend_start, section.blend_end
+    # Between the blends sigma is y and a constant; inside them it is sampled by itself, no inverse is needed.
+    straight = guess.y - section.y_start + (1.0 - BLEND_LENGTH) * w0
+    straight = straight[(straight > w0) & (straight < span - w1)]
+    blend = np.linspace(0.0, 1.0, 8 * _BLEND_KNOTS + 1)
+    sigma = np.unique(np.concatenate([blend * w0, straight, span - blend * w1]))
+    # A break may lie on a sample but for rounding; such a sliver has no density of its own.
+    sigma = sigma[np.append(np.diff(sigma) > _SLIVER * span, True)]
+    sigma[0] = 0.0
+    y = section.position(sigma)
+    time = guess.time
+    cumulated = _UNIFORM * sigma / span + _TIME * np.interp(y, guess.y, time) / time[-1]
+    cumulated += _TURNING * np.interp(y, guess.y, guess.turning) / max(guess.turning[-1], _STRAIGHT)
+    step = np.diff(sigma)
+    density = intervals * np.diff(cumulated) / (step * cumulated[-1])
+    mid = 0.5 * (sigma[1:] + sigma[:-1])
+    density[mid < section.blend_start] = np.maximum(
+        density[mid < section.blend_start], _BLEND_KNOTS / max(section.blend_start, 1e-300)
+    )
+    density[span - mid < section.blend_end] = np.maximum(
+        density[span - mid < section.blend_end], _BLEND_KNOTS / max(section.blend_end, 1e-300)
+    )
+    with np.errstate(divide="ignore"):  # a cell so short that rounding leaves it no share
+        spacing = 1.0 / density
+    dips = section.sigma(guess.dips.y)
+    for shift in (0, 1):  # the cells on either side of a dip
+        cell = np.clip(np.searchsorted(sigma, dips) - shift, 0, spacing.size - 1)
+        np.minimum.at(spacing, cell, _DIP_SHARE * guess.dips.width)
+    with np.errstate(over="ignore"):
+        stretched = np.minimum(spacing, step * _stretched(guess, y)) if follow else spacing
+    most = intervals + _DIP_KNOTS * dips.size
+    count = _counted(sigma, step, spacing, mid, span)
+    wanted = count[-1]
+    if follow:
+        count = _counted(sigma, step, stretched, mid, span)
+        most += int(count[-1] - wanted)
+    count *= max(1.0, min(most, count[-1]) / intervals) * intervals / count[-1]
+    return _knots(section, sigma, count)
+
+
+def _stretched(guess: Scan, y: FloatArray) -> FloatArray:
+    """Largest spacing of knots, in cells of the ``y (n,)``, at which their quintics follow |C'|, (n - 1,).
+
+    With dL the change of log |C'| over the way ds of an interval, and l = ds / dL, a quintic in time is off by about
+    (v^3 / l^2) dL^3 of jerk: by its sixth derivative where |C'| goes like the root of the way.  No closer than rounding
+    allows, see :func:`least_times`.
+    """
+    change = np.abs(np.diff(np.interp(y, guess.y, np.log(guess.speed))))
+    way = np.diff(np.interp(y, guess.y, guess.length))
+    feed, jerk, least = (
+        0.5 * (at[1:] + at[:-1])
+        for at in (np.interp(y, guess.y, row) for row in (guess.feed, guess.jerk, least_times(guess)))
+    )
+    with np.errstate(divide="ignore", invalid="ignore"):
+        each = np.minimum(1.0 / _PER_CHANGE, np.cbrt(_STRETCHED_JERK * jerk * (way / change) ** 2 / feed**3)) / change
+        # of a cell that rounding leaves no way nothing is known
+        return np.nan_to_num(np.fmax(each, 2.0 * least * feed / way), nan=np.inf)
+
+
+def _counted(sigma: FloatArray, step: FloatArray, spacing: FloatArray, mid: FloatArray, span: float) -> FloatArray:
+    """Accumulated number of intervals over sigma at these spacings of the cells, each in the growth of its neighbours."""
+    spacing = spacing.copy()
+    for flip in (slice(None), slice(None, None, -1)):
+        ramp = _GROWTH * (mid[flip] if flip.step is None else span - mid[flip])
+        spacing[flip] = np.minimum.accumulate(spacing[flip] - ramp) + ramp
+    return np.concatenate([[0.0], np.cumsum(step / spacing)])
+
+
+def least_times(guess: Scan, share: float = SHORTEST_SHARE) -> FloatArray:
+    """Time that nodes must be apart at each sample, so that rounding makes no more than this share of the jerk limit, s.
+
+    A digit e = eps (|u| |dq/du| + v t) in the place of a node and in its time, h between nodes, is 60 e / h^3 of jerk.
+    """
+    digit = np.finfo(float).eps * (np.abs(guess.u) * guess.speed + guess.feed * guess.time)
+    with np.errstate(divide="ignore"):
+        return np.asarray(np.cbrt(60.0 * digit / (share * guess.jerk)))
+
+
+def resolvable(guess: Scan) -> int:
+    """Largest number of intervals of which the nodes still tell a jerk: closer ones differ by rounding.
+
+    See :func:`least_times`.
+    """
+    count = _resolved(guess)
+    if np.isnan(count):
+        raise InfeasibleError(
+            "the limits leave no feed that can be told from 0 on some of the path; a period, a chord error, a velocity, an "
+            "acceleration or a jerk is too small or too large for it by many orders of magnitude"
+        )
+    return int(np.clip(count, _LEAST_RESOLVABLE, 1e9))
+
+
+def _resolved(guess: Scan) -> float:
+    """Number of intervals that rounding leaves, inf where it has no part, nan where the limits leave no feed."""
+    least = least_times(guess, _ROUNDING_SHARE)
+    per_node = 0.5 * (least[1:] + least[:-1])
+    some = per_node > 0.0
+    if not some.any():
+        return np.inf
+    count = float(np.sum(np.diff(guess.time)[some] / (2.0 * per_node[some])))
+    return count if np.isfinite(count) else np.nan
+
+
+def _breaks(section: Section) -> FloatArray:
+    """Parameters at which the path is not smooth; even a fourth derivative that jumps puts a kink into the jerk.
+
+    Of breaks closer to one another than rounding resolves the first stands for all; so does an end for those beside it.
+    """
+    u = section.curve._candidate_breaks()
+    u = u[(u > section.u_start) & (u < section.u_end)]
+    if u.size == 0:
+        return u
+    least, y = section.resolution, section.coordinate(u)
+    kept = (np.diff(y, prepend=section.y_start) > least) & (section.y_end - y > least)
+    return np.asarray(u[kept])
+
+
+def _knots(section: Section, sigma: FloatArray, count: FloatArray) -> Grid:
+    """Knots at whole numbers of intervals between breaks, given the accumulated number of intervals over sigma."""
+    on = _breaks(section)
+    corners = np.concatenate([[0.0], section.sigma(section.coordinate(on)), [section.span]])
+    at = np.interp(corners, sigma, count)
+    pieces = np.maximum(1, np.rint(np.diff(at))).astype(np.intp)
+    parts = []
+    for k, n in enumerate(pieces):
+        inner = np.interp(at[k] + (at[k + 1] - at[k]) * np.arange(1, n) / n, count, sigma)
+        parts.append(np.concatenate([[corners[k]], inner, [corners[k + 1]]]))
+    knots = np.concatenate(parts)
+    ends = np.cumsum(pieces + 1) - 1
+    return make_grid(section, knots, ends, on)
+
+
+def make_grid(section: Section, knots: FloatArray, ends: NDArray[np.intp], breaks: FloatArray) -> Grid:
+    """Attach curve parameters to knots; ``ends`` are the last knots of the stretches between the given breaks."""
+    u = section.parameter(section.position(knots))
+    starts = np.concatenate([[0], ends[:-1] + 1])
+    corners = np.concatenate([[section.u_start], breaks, [section.u_end]])
+    u[starts], u[ends] = corners[:-1], corners[1:]
+    return Grid(knots, u, ends)
+
+
+def split(section: Section, grid: Grid, where: NDArray[np.bool_]) -> Grid:
+    """Halve the intervals at which ``where`` (one flag an interval, empty ones included) is true."""
+    halves = np.flatnonzero(where & (np.diff(grid.sigma) > 0.0))
+    middle = 0.5 * (grid.sigma[halves] + grid.sigma[halves + 1])
+    sigma = np.insert(grid.sigma, halves + 1, middle)
+    ends = grid.left + np.searchsorted(halves, grid.left, side="left")
+    return make_grid(section, sigma, ends, grid.u[grid.left[:-1]])

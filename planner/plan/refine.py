@@ -1,0 +1,349 @@
+"""Plan one section: solve on a coarse grid, then on the wanted one, and go on until the law keeps its limits everywhere.
+
+A solver looks at knots and midpoints only.  Between them the law is measured (``utilisation.py``), and what it uses
+too much is given back in four ways, the first that serves:
+
+1.  Where an interval is far too coarse it is halved; and where no limit binds, which is where the plan changes from one
+    limit to another and an interval takes longer than that needs.
+2.  Where it uses a little more than its limits, these are tightened there by as much, and in the two intervals on either
+    side, where the plan would otherwise seek what it gives up.  The next solve begins where the last one came through
+    (``Waypoint``) and takes half of its iterations; one such round leaves some 1e-5.
+3.  Where intervals are as short as nodes may be, or refining did not help, the speed is held in them; so it is where the
+    true chord error is too large.
+4.  What is left is slowed down uniformly: time scaled by kappa divides velocities by kappa, accelerations by kappa^2 and
+    jerks by kappa^3.  A prescribed feed would change with it; there step 2 is repeated until the limits are met.
+"""
+
+from __future__ import annotations
+
+import time
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.errors import CurveError, InfeasibleError, SolverError
+from planner.law import TimeNodes
+from planner.machine.limits import Limits
+from planner.plan.bounds import section_bound
+from planner.plan.chord_errors import MET_CHORD, chord_shares
+from planner.plan.dual.problem import Pace
+from planner.plan.guard import require_finite
+from planner.plan.knots import place_knots, resolvable, scan, with_blends
+from planner.plan.rows import Parameter
+from planner.plan.section import Section, axis_weights, weighted_arclength
+from planner.plan.stage import HOPELESS, TIGHTENING_ROUNDS, TOO_COARSE, WORTH_SAYING, Attempt, Stage, Task
+from planner.plan.utilisation import Utilisation, utilisation
+from planner.types import Progress
+
+DEFAULT_INTERVALS = 1000
+MIN_INTERVALS = 24
+_LEAST_INTERVALS = 200  # of one section among several
+_COARSER = 8
+_COARSE_GAP = 1e-2
+# A plan that needs more slowing down than this at the end is refined first.
+_ACCEPTED_SLOWDOWN = 1.000002
+# Where no limit binds for more than this share of the time, the grid is too coarse.
+_UNBOUND = 0.03
+_MAX_ROUNDS, _CHORD_ROUNDS = 12, 16
+# Intervals times iterations of all rounds, at most: some seconds.
+_MOST_WORK, _WORK_PER_INTERVAL, _USUAL_ITERATIONS = 2_000_000, 1200, 60
+_IDLE_ROUNDS = 3
+# Slowing down is measured at points; the peaks between them are higher by less than this.
+PEAK_MARGIN = 5e-7
+_MET = 1.0 + 2e-8
+_BACKWARD = 5e-10  # of the largest rate of u: slower than that is rounding
+ALMOST_MET = 1.0 + 1e-6
+# Nodes closer to a stop than this share of the domain of u are left out.
+_ON_STOP = 2e-12
+
+
+@dataclass(frozen=True, eq=False)
+class SectionPlan:
+    """A solved section: its time law, a lower bound of its time, and what the solver says of it."""
+
+    nodes: TimeNodes
+    lower_bound: float
+    stats: dict[str, Any]
+    outcome: Outcome | None = None
+
+
+@dataclass(frozen=True)
+class Effort:
+    """Number of intervals to begin with, and whether refinement may choose more."""
+
+    intervals: int
+    free: bool
+
+    @classmethod
+    def for_share(cls, intervals: int | None, share: float, section: Section) -> Effort:
+        """For a section with this share of the path, given the number of intervals asked for, if any."""
+        if intervals is None:
+            least = DEFAULT_INTERVALS if share == 1.0 else _LEAST_INTERVALS
+            needed = section.curve.intervals_needed(section.u_start, section.u_end)
+            return cls(max(least, round(DEFAULT_INTERVALS * share), needed), True)
+        return cls(max(MIN_INTERVALS, round(intervals * share)), False)
+
+
+def plan_section(
+    section: Section,
+    limits: Limits,
+    *,
+    method: str,
+    periodic: bool,
+    deadline: float,
+    effort: Effort,
+    progress: Progress | None,
+) -> SectionPlan:
+    """Plan one section by the method optimal or nlp, see the sketch above.
+
+    Raises
+    ------
+    InfeasibleError
+        If a prescribed feed is not attainable.
+    SolverError
+        If no plan was found, or none that keeps the limits with the feeds prescribed.
+    """
+    wanted = effort.intervals
+    guess = scan(section, limits, wanted)
+    most = resolvable(guess)
+    notes = []
+    if wanted > most:
+        notes.append(
+            f"{wanted} intervals asked for, {most} used: in a plan of {guess.duration:.3g} s closer nodes differ by "
+            "little more than rounding"
+        )
+        wanted = most
+    task = Task(with_blends(section, guess), limits, guess, method, periodic, deadline, progress)
+    effort = replace(effort, intervals=wanted)
+    found = _best_of_tries(task, effort, most)
+    _require_met(task, found.best)
+    stats = {**found.best.stats, "notes": notes + found.notes}
+    stats |= {"solve_cpu_s": found.spent, "first_solve_cpu_s": found.first}
+    say_slowing_down(found.best.slowdown, found.best.place, stats)
+    nodes = found.best.nodes
+    bound = section_bound(section, limits, wanted, Pace(nodes.u, nodes.t), periodic=periodic)
+    return SectionPlan(nodes, bound, stats, found)
+
+
+def _best_of_tries(task: Task, effort: Effort, most: int) -> Outcome:
+    """Refine from the usual grid; where that ends badly, from one that follows |C'|, and in the arc length of the axes."""
+    best, failed, spent = None, None, 0.0
+    for follow, by_arc_length in ((False, False), (True, False), (True, True)):
+        if by_arc_length and task.section.arc is not None:
+            break
+        try:
+            this = _following(task, effort, by_arc_length) if follow else task
+            found = _refined(this, effort, most, follow=follow)
+        except (CurveError, InfeasibleError, SolverError) as error:
+            failed = failed or error
+            continue
+        spent += found.spent
+        best = found if best is None or found.best.is_better_than(best.best, task) else best
+        enough = ALMOST_MET if task.prescribed else WORTH_SAYING if effort.free else HOPELESS
+        good = best.best.forward and best.best.slowdown <= enough
+        if good or time.perf_counter() > task.deadline:
+            break
+    if best is None:
+        raise failed or SolverError("no round of refinement was run")
+    return replace(best, spent=spent)
+
+
+def _following(task: Task, effort: Effort, by_arc_length: bool) -> Task:
+    """The same task with samples that follow |C'|, and in the arc length of the axes where that is asked for."""
+    section = replace(task.section, blend_start=0.0, blend_end=0.0)
+    if by_arc_length:
+        section = replace(section, arc=weighted_arclength(section.curve, axis_weights(task.limits)))
+    guess = scan(section, task.limits, effort.intervals, follow=True)
+    return replace(task, section=with_blends(section, guess), guess=guess)
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """The best round of a refinement, with what its solve began from; computing times, s, and notes."""
+
+    task: Task
+    best: Round
+    stage: Stage
+    attempt: Attempt
+    spent: float
+    first: float
+    notes: list[str]
+
+
+def _refined(task: Task, effort: Effort, most: int, *, follow: bool) -> Outcome:
+    """Solve on a coarse grid, then on the wanted one, and refine; ``follow``: grids that follow |C'|."""
+    wanted = effort.intervals
+    attempt = _coarse(task, max(MIN_INTERVALS, wanted // _COARSER), follow) if task.method == "optimal" else None
+    stage = Stage.on(task, place_knots(task.section, task.guess, wanted, follow=follow))
+    spent = attempt.stats["solve_cpu_s"] if attempt else 0.0
+    first, work, slowdown = 0.0, 0, np.inf
+    most_work = max(_MOST_WORK, _WORK_PER_INTERVAL * wanted)
+    notes: list[str] = []
+    found: Outcome | None = None
+    for number in range(_MAX_ROUNDS):
+        try:
+            attempt = stage.solve(task, attempt)
+            this = Round.of(task, number, attempt, stage.path)
+        except (InfeasibleError, SolverError) as error:
+            if found is None:
+                raise
+            notes.append(f"refinement ended after {number} rounds: {error}")
+            break
+        spent += attempt.stats["solve_cpu_s"]
+        first = first or spent
+        if found is None or this.is_better_than(found.best, task):
+            found = Outcome(task, this, stage, attempt, spent, first, notes)
+        idle = effort.free and number < _IDLE_ROUNDS and attempt.idle > _UNBOUND
+        work += stage.grid.intervals * int(attempt.stats["iterations"])
+        if (this.is_accepted(task) and not idle) or work > most_work:
+            break
+        if time.perf_counter() > task.deadline:
+            break
+        may_split = stage.grid.intervals < most and (idle or this.is_too_coarse(effort))
+        stage, attempt = stage.next(task, attempt, this.used, may_split=may_split, number=number, before=slowdown)
+        slowdown = this.slowdown
+        if work + _USUAL_ITERATIONS * stage.grid.intervals > most_work:
+            break
+    if found is None:
+        raise SolverError("no round of refinement was run")
+    return replace(found, spent=spent, first=first)
+
+
+def hold_chords(plan: SectionPlan) -> SectionPlan:
+    """Hold the speed where the true chord error of a plan is too large, and plan again; the plan itself where none helps."""
+    if plan.outcome is None:
+        return plan
+    task, stage, attempt, best = plan.outcome.task, plan.outcome.stage, plan.outcome.attempt, plan.outcome.best
+    nodes, shortest, place, work = best.nodes, np.inf, np.nan, 0
+    curve, limits = task.section.curve, task.limits
+    for _ in range(_CHORD_ROUNDS):
+        times, shares = chord_shares(curve, limits, nodes)
+        place = float(np.interp(times[shares.argmax()], nodes.t, nodes.u)) if np.isnan(place) else place
+        needed = float(nodes.t[-1]) * max(1.0, float(np.sqrt(shares.max())))
+        if needed < shortest:
+            shortest, kept = needed, (nodes, attempt, best)
+        if shares.max() <= MET_CHORD or time.perf_counter() > task.deadline:
+            break
+        stage, attempt = stage.slower(
+            task, attempt, best.used, np.interp(stage.grid.u, nodes.u, nodes.t), times, shares
+        )
+        if work + _USUAL_ITERATIONS * stage.grid.intervals > _MOST_WORK:
+            break
+        with suppress(SolverError, InfeasibleError):
+            attempt = stage.solve(task, attempt)
+            work += stage.grid.intervals * int(attempt.stats["iterations"])
+            best = Round.of(task, best.number + 1, attempt, stage.path)
+            nodes = best.nodes
+            continue
+        break
+    nodes, attempt, best = kept
+    if best is plan.outcome.best:
+        return plan
+    stats = {**plan.stats, **{k: best.stats[k] for k in ("status", "iterations", "gap", "residual", "intervals")}}
+    note = (
+        f"held slow near u = {place:.6g} for its chord error, which the osculating circle does not tell where the "
+        "curvature changes within a period"
+    )
+    stats |= {"slowdown": best.slowdown, "notes": [*plan.stats["notes"], note]}
+    return SectionPlan(nodes, plan.lower_bound, stats)
+
+
+@dataclass(frozen=True, eq=False)
+class Round:
+    """What came out of one round: the law, slowed down until it keeps its limits, and how it was before.
+
+    ``slowdown``: by which factor it was too fast; ``forward``: u falls back nowhere, but for rounding.
+    """
+
+    number: int
+    nodes: TimeNodes
+    used: Utilisation
+    slowdown: float
+    forward: bool
+    stats: dict[str, Any]
+
+    @classmethod
+    def of(cls, task: Task, number: int, attempt: Attempt, path: Parameter) -> Round:
+        """Measure an attempt between its nodes; a SolverError where it is not finite."""
+        given = attempt.law.nodes(path)
+        require_finite(task.section.curve, given)
+        kept = _apart_from_stops(task.section, given)
+        nodes = given if kept.size == given.t.size else given.only(kept)
+        used = utilisation(task.section.curve, task.limits, nodes).spread(np.diff(kept))
+        slowdown = float(used.slowdown.max())
+        kappa = 1.0 if task.prescribed else max(1.0, slowdown * (1.0 + PEAK_MARGIN))
+        forward = bool((used.backward <= _BACKWARD * float(np.abs(nodes.u_rate).max())).all())
+        forward &= bool((np.diff(nodes.u) >= 0.0).all())
+        stats = {**attempt.stats, "slowdown": slowdown, "rounds": number + 1}
+        return cls(number, nodes.dilated(kappa), used, slowdown, forward, stats)
+
+    @property
+    def place(self) -> float:
+        """Parameter at which it uses most of its limits, but for the few nodes left out beside a stop."""
+        return float(self.nodes.u[min(int(self.used.slowdown.argmax()), self.nodes.u.size - 1)])
+
+    def is_better_than(self, other: Round, task: Task) -> bool:
+        """Forward first; then sooner, or where nothing may be slowed down, closer to its limits."""
+        if self.forward != other.forward:
+            return self.forward
+        if task.prescribed:
+            return self.slowdown < other.slowdown
+        return bool(self.nodes.t[-1] < other.nodes.t[-1])
+
+    def is_accepted(self, task: Task) -> bool:
+        """It keeps its limits as it is, or nearly so where it may be slowed down."""
+        return self.forward and self.slowdown <= (_MET if task.prescribed else _ACCEPTED_SLOWDOWN)
+
+    def is_too_coarse(self, effort: Effort) -> bool:
+        """The grid should be refined rather than the limits tightened."""
+        limit = TOO_COARSE if effort.free else HOPELESS
+        return not self.forward or self.slowdown > (limit if self.number < TIGHTENING_ROUNDS else WORTH_SAYING)
+
+
+def _coarse(task: Task, intervals: int, follow: bool) -> Attempt | None:
+    """Solve on a coarse grid; what is attainable may be out of its reach, and the fine one then begins without it."""
+    with suppress(InfeasibleError):
+        stage = Stage.on(task, place_knots(task.section, task.guess, intervals, follow=follow))
+        return replace(stage.solve(task, None, _COARSE_GAP), waypoint=None)
+    return None
+
+
+def say_slowing_down(slowdown: float, place: float, stats: dict[str, Any]) -> None:
+    """Say so, in status and notes, where a plan is a good deal slower than what was solved for."""
+    if slowdown > WORTH_SAYING:
+        percent = 100.0 * (slowdown - 1.0)
+        if stats["status"] in {"optimal", "feasible"}:
+            stats["status"] = f"slowed down by {percent:.2g} %"
+        stats["notes"].append(
+            f"slowed down as a whole by {percent:.2g} %, for what the plan would use of its limits at u = "
+            f"{place:.6g}: refining the grid there did not help"
+        )
+
+
+def _require_met(task: Task, best: Round) -> None:
+    """Refuse a plan that exceeds its limits and cannot be slowed down, since its feeds are prescribed."""
+    if task.prescribed and best.slowdown > ALMOST_MET:
+        raise SolverError(not_met(task.section, best.slowdown))
+
+
+def not_met(section: Section, slowdown: float) -> str:
+    """Say that a plan with prescribed feeds exceeds its limits."""
+    return (
+        f"the plan from start_feed = {section.start_feed or 0.0:g} to end_feed = {section.end_feed or 0.0:g} mm/s "
+        f"between u = {section.u_start:.9g} and {section.u_end:.9g} still exceeds its limits, {slowdown:.9g} times as "
+        "fast as allowed; try other feeds or more intervals"
+    )
+
+
+def _apart_from_stops(section: Section, nodes: TimeNodes) -> NDArray[np.intp]:
+    """Nodes that are not a stop but for rounding: who reads a table takes what is so close to a stop for the stop."""
+    inside = np.ones(nodes.t.size, dtype=np.bool_)
+    least = _ON_STOP * (section.curve.domain[1] - section.curve.domain[0])
+    if section.start_feed is None:
+        inside[1:-1] &= nodes.u[1:-1] - section.u_start > least
+    if section.end_feed is None:
+        inside[1:-1] &= section.u_end - nodes.u[1:-1] > least
+    return np.flatnonzero(inside)

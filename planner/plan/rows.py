@@ -1,0 +1,338 @@
+"""Curve, limits and knots in; the arrays a solver sees out, and nothing else.
+
+With x = sigma_dot^2, a = sigma_ddot = x'/2, c = a' = x''/2 (a prime is d/dsigma), q the machine axes and p the tip,
+
+    speed         |p'| sqrt(x) <= feed, chord limit;  |q_j'| sqrt(x) <= V_j
+    acceleration  |q_j'' x + q_j' a| <= A_j
+    jerk          |q_j''' x + 3 q_j'' a + q_j' c| sqrt(x) <= J_j
+
+and the tangential limits are the same rows for one more "axis", the arc length of the tip.  Scaled to 1 they read
+
+    x / cap <= 1,     |alpha x + beta a| <= 1,     |r . (x, a, c)| <= x^(-1/2).
+
+They are collocated at the knots and at the midpoints of the intervals.  Lengths and times are scaled so that the mean
+interval has length 1 and takes about the time 1: a solver never sees millimetres or seconds, and the same path in other
+units gives the same arrays.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.geometry.curve import dot
+from planner.machine.limits import Limits, chord_feed_limit, commanded_feed
+from planner.plan.knots import STEP_SHARE, Grid, Scan
+from planner.plan.section import Section, axis_weights, evaluate
+from planner.types import FloatArray
+
+# Steps of the acceleration at curvature jumps make up to half of the samples' jerk (STEP_SHARE), and the plan's own jerk
+# near the break at most the other half, less what it may exceed between points.
+JERK_BESIDE_STEP = 0.5
+_JERK_COLLOCATED = 0.49
+PERIODS_AROUND_STEP = 3.0
+_RAMP = 0.5  # periods: shorter than samples tell
+# Phases, in periods, at which the steps of jumps close to one another are added up, and the search for the x they allow.
+_PHASES = np.linspace(-1.0, 1.0, 17)
+_LARGEST_SLOWING, _HALVINGS, _JUMPS_AT_ONCE = 14.0, 16, 10_000
+
+
+@dataclass(frozen=True, eq=False)
+class Constraints:
+    """What a solver sees of a path and a machine, in units of ``length_unit`` (of sigma) and ``time_unit`` (s).
+
+    Points are the knots and midpoints in order: point 2k is knot k, point 2k+1 the middle of interval k.
+
+    Attributes
+    ----------
+    h : (n - 1,) array
+        Interval lengths; 0 between the two knots of a double one.
+    cap : (2n - 1,) array
+        Largest x at each point.
+    acceleration : (m, 2, 2n - 1) array
+        Rows (alpha, beta) of the m axes that have an acceleration limit.
+    jerk : (l, 3, 2n - 1) array
+        Rows r of the l axes that have a jerk limit.
+    weight : (2n - 1,) array
+        Simpson weights: the time is sum(weight * x^(-1/2)).
+    start, end : float
+        Prescribed x at the first and last knot, nan where it is free.
+    start_slope : float
+        Prescribed a at the first knot, nan where it is free.
+    guess : (n,) array
+        A guess of x at the knots, positive.
+    periodic : bool
+        First and last knot share x, a and c.
+    length_unit, time_unit : float
+        Of the scaled problem.
+    """
+
+    h: FloatArray
+    cap: FloatArray
+    acceleration: FloatArray
+    jerk: FloatArray
+    weight: FloatArray
+    start: float
+    end: float
+    start_slope: float
+    guess: FloatArray
+    periodic: bool
+    length_unit: float
+    time_unit: float
+
+    def used(self, x: FloatArray, a: FloatArray, c: FloatArray) -> FloatArray:
+        """Largest share of a limit used at each point, (2n - 1,), by the cubics with these x, a, c at the knots (n,)."""
+        z = np.empty((3, self.cap.size))
+        z[:, ::2] = x, a, c
+        h, (before, slope, bend), after = self.h, z[:, :-2:2], z[2, 2::2]
+        z[0, 1::2] = before + h * slope + h**2 * (5.0 * bend + after) / 24.0
+        z[1, 1::2] = slope + h * (3.0 * bend + after) / 8.0
+        z[2, 1::2] = 0.5 * (bend + after)
+        share = np.sqrt(np.maximum(z[0], 0.0))
+        out = share / np.sqrt(self.cap)
+        for row in self.acceleration:
+            np.maximum(out, np.abs(row[0] * z[0] + row[1] * z[1]), out=out)
+        for row in self.jerk:
+            np.maximum(out, np.abs(row[0] * z[0] + row[1] * z[1] + row[2] * z[2]) * share, out=out)
+        return out
+
+
+@dataclass(frozen=True, eq=False)
+class Parameter:
+    """The curve parameter at points of sigma.
+
+    ``u (4, p)``: it and its derivatives with respect to sigma; ``rounding (p,)`` by which u is off (see
+    :meth:`Section.rounding`).
+    """
+
+    u: FloatArray
+    rounding: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Path(Parameter):
+    """The path at points of sigma: besides u, the axes and the tip's arc length with their derivatives over sigma.
+
+    ``axes (4, p, dim)``, ``tip (4, p)`` (row 0 unused), ``curvature (p,)`` of the tip, ``feed (p,)`` commanded.
+    """
+
+    axes: FloatArray
+    tip: FloatArray
+    curvature: FloatArray
+    feed: FloatArray
+
+
+def path_at(section: Section, limits: Limits, sigma: FloatArray, u: FloatArray, left: NDArray[np.bool_]) -> Path:
+    """Evaluate the path of a section at sigma, where the curve parameter is u; from the left where ``left`` is true."""
+    curve = section.curve
+    rest = section.rest_map(sigma)
+    q = evaluate(curve, u, left)
+    u1, u2, u3 = section.parameter_derivatives(q, axis_weights(limits), rest)
+    tip = q if curve.tip is curve else evaluate(curve.tip, u, left)
+    speed = np.sqrt(dot(tip[1], tip[1]))
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        s2 = np.where(speed > 0.0, dot(tip[1], tip[2]) / speed, 0.0)
+        s3 = dot(tip[2], tip[2]) + dot(tip[1], tip[3]) - s2**2
+        s3 = np.where(speed > 0.0, s3 / speed, 0.0)
+        bend = np.sqrt(np.sum((tip[2] - (s2 / speed)[:, None] * tip[1]) ** 2, axis=-1)) / speed**2
+    curvature = np.where(speed > 0.0, np.nan_to_num(bend), 0.0)
+
+    def chain(d1: FloatArray, d2: FloatArray, d3: FloatArray, tail: tuple[int, ...]) -> list[FloatArray]:
+        v1, v2, v3 = (part.reshape(tail) for part in (u1, u2, u3))
+        return [d1 * v1, d2 * v1**2 + d1 * v2, d3 * v1**3 + 3.0 * d2 * v1 * v2 + d1 * v3]
+
+    feed = commanded_feed(curve, limits, u, left)
+    axes = np.stack([q[0], *chain(q[1], q[2], q[3], (-1, 1))])
+    along = np.stack([np.zeros_like(speed), *chain(speed, s2, s3, (-1,))])
+    return Path(np.stack([u, u1, u2, u3]), section.rounding(sigma, u), axes, along, curvature, feed)
+
+
+def build(
+    section: Section, limits: Limits, grid: Grid, guess: Scan, *, periodic: bool = False
+) -> tuple[Constraints, Path]:
+    """Assemble the constraints of one section on a grid, and the path at its points."""
+    n = grid.sigma.size
+    h = np.diff(grid.sigma)
+    sigma = np.empty(2 * n - 1)
+    sigma[0::2], sigma[1::2] = grid.sigma, 0.5 * (grid.sigma[1:] + grid.sigma[:-1])
+    u = section.parameter(section.position(sigma))
+    u[0::2] = grid.u
+    empty = 2 * np.flatnonzero(h == 0.0) + 1
+    u[empty] = u[empty - 1]
+    # Near a stop u rounds to the end of its stretch; it must not be read from beyond.
+    beyond = u >= np.repeat(grid.stretch_end, 2)[:-1]
+    path = path_at(section, limits, sigma, u, beyond)
+    x_guess, duration = _guess(section, grid, guess)
+    scale = section.span / grid.intervals
+    tau = duration / grid.intervals
+    cap = speed_cap(limits, path)
+    rows_a, rows_j = acceleration_rows(limits, path), jerk_rows(limits, path)
+    rows_j = np.concatenate([rows_j, _ramp_rows(section, limits, sigma, path)]) if len(rows_j) else rows_j
+    if section.jumps:
+        _soften_jumps(section, limits, grid, path, cap, rows_j)
+    rows_a[:, :, empty] = 0.0
+    rows_j[:, :, empty] = 0.0
+    weight = np.zeros(2 * n - 1)
+    weight[0:-1:2] += h / 6.0
+    weight[1::2] += 4.0 * h / 6.0
+    weight[2::2] += h / 6.0
+    per_x = (scale / tau) ** 2
+    start, end = (
+        np.nan if feed is None or periodic else (feed / path.tip[1, at]) ** 2 / per_x
+        for feed, at in ((section.start_feed, 0), (section.end_feed, -1))
+    )
+    # s'' = s_sigma_sigma x + s_sigma a
+    slope = (
+        (section.start_acceleration - path.tip[2, 0] * start * per_x) / path.tip[1, 0]
+        if not np.isnan(start)
+        else np.nan
+    )
+    # x = per_x x*, a = per_x / scale a*, c = per_x / scale^2 c*; the time derivative of order k scales by tau^-k
+    units_a = np.array([per_x, per_x / scale])[None, :, None]
+    units_j = np.array([per_x, per_x / scale, per_x / scale**2])[None, :, None] * (scale / tau)
+    constraints = Constraints(
+        h=h / scale,
+        cap=cap / per_x,
+        acceleration=np.ascontiguousarray(rows_a * units_a),
+        jerk=np.ascontiguousarray(rows_j * units_j),
+        weight=weight / scale,
+        start=start,
+        end=end,
+        start_slope=slope / (per_x / scale),
+        guess=x_guess / per_x,
+        periodic=periodic,
+        length_unit=scale,
+        time_unit=tau,
+    )
+    return constraints, path
+
+
+def speed_limits(limits: Limits, path: Path) -> FloatArray:
+    """Largest sigma_dot at each point by feed, chord error and each axis velocity, (2 + dim, p)."""
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        feed = path.feed / path.tip[1]
+        chord = chord_feed_limit(path.curvature, limits) / path.tip[1]
+        velocity = limits.velocity / np.abs(path.axes[1])
+    rows = np.vstack([feed, chord, velocity.T])
+    return np.where(np.isnan(rows), np.inf, rows)
+
+
+def speed_cap(limits: Limits, path: Path) -> FloatArray:
+    """Largest x that feed, chord error and axis velocities allow at each point."""
+    return np.asarray(speed_limits(limits, path).min(axis=0) ** 2)
+
+
+def _motions(limits: Limits, path: Path) -> list[tuple[FloatArray, float, float]]:
+    """Derivatives of each axis and of the tip's arc length, with its acceleration and jerk limit."""
+    axes = [(path.axes[:, :, j], limits.acceleration[j], limits.jerk[j]) for j in range(limits.dim)]
+    return [*axes, (path.tip, limits.tangential_acceleration, limits.tangential_jerk)]
+
+
+def acceleration_rows(limits: Limits, path: Path) -> FloatArray:
+    """Rows (m, 2, p) of the axes (and of the tip's arc length) that have a finite acceleration limit, scaled to 1."""
+    rows = [np.stack([q[2], q[1]]) / bound for q, bound, _ in _motions(limits, path) if np.isfinite(bound)]
+    return np.array(rows).reshape(len(rows), 2, path.curvature.size)
+
+
+def jerk_rows(limits: Limits, path: Path) -> FloatArray:
+    """Rows (l, 3, p) of the axes (and of the tip's arc length) that have a finite jerk limit, scaled to 1."""
+    rows = [np.stack([q[3], 3.0 * q[2], q[1]]) / bound for q, _, bound in _motions(limits, path) if np.isfinite(bound)]
+    return np.array(rows).reshape(len(rows), 3, path.curvature.size)
+
+
+def _ramp_rows(section: Section, limits: Limits, sigma: FloatArray, path: Path) -> FloatArray:
+    """Jerk rows (l, 3, p), in the rest blends only, of axes that have an acceleration limit but none of the jerk.
+
+    Such an axis may leave a stop at full acceleration, but the law of a plan begins with none: without a ramp its quintic
+    would overshoot, however short the interval.  The ramp takes _RAMP periods.
+    """
+    blends = (sigma < section.blend_start) | (section.span - sigma < section.blend_end)
+    rows = [
+        np.stack([path.axes[3, :, j], 3.0 * path.axes[2, :, j], path.axes[1, :, j]])
+        * blends
+        * _RAMP
+        * limits.period
+        / bound
+        for j, bound in enumerate(limits.acceleration)
+        if np.isfinite(bound) and not np.isfinite(limits.jerk[j])
+    ]
+    return np.array(rows).reshape(len(rows), 3, sigma.size)
+
+
+def _soften_jumps(
+    section: Section, limits: Limits, grid: Grid, path: Path, cap: FloatArray, rows_j: FloatArray
+) -> None:
+    """Lower the cap at curvature jumps and halve the jerk within three periods of them."""
+    first = grid.left[np.searchsorted(grid.u[grid.left], [b.u for b in section.jumps])]
+    at = grid.sigma[first]
+    # The tip's arc length bends with the axes where these are weighted: sigma is that of the machine axes.
+    every = np.concatenate([path.axes, path.tip[:, :, None]], axis=2)
+    jerk = np.append(limits.jerk, limits.tangential_jerk)
+    step = every[2, 2 * first + 2] - every[2, 2 * first]
+    slope = np.abs(path.axes[1, 2 * first])
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        alone = np.min(STEP_SHARE * jerk * limits.period / np.abs(step), axis=1)
+        gain = np.min(limits.acceleration / slope, axis=1)
+    passed = _together(at, step / jerk, np.minimum(alone, cap[2 * first]), limits.period)
+    for k in (0, 1, 2):
+        cap[2 * first + k] = np.minimum(cap[2 * first + k], passed)
+    # Within three periods the plan cannot go further than at the break's feed plus three periods of acceleration.
+    window = PERIODS_AROUND_STEP * limits.period
+    reach = window * np.minimum(np.sqrt(passed) + gain * window, np.sqrt(cap.max()))
+    # Whole intervals: within the one that the window ends in, the jerk climbs from one half to all of it.
+    lo = np.maximum(np.searchsorted(grid.sigma, at - reach, side="right") - 1, 0)
+    hi = np.minimum(np.searchsorted(grid.sigma, at + reach, side="left"), grid.sigma.size - 1)
+    edges = np.bincount(2 * lo, minlength=cap.size + 1) - np.bincount(2 * hi + 1, minlength=cap.size + 1)
+    rows_j[:, :, np.cumsum(edges[:-1]) > 0] /= _JERK_COLLOCATED
+
+
+def _together(at: FloatArray, step: FloatArray, alone: FloatArray, period: float) -> FloatArray:
+    """Largest x at jumps (m,) of q'' by ``step`` (m, k) jerk limits, given those at which each alone may be passed.
+
+    At constant sigma_dot the jumps i are seen in the samples as the jerk x / T sum_i step_i B((sigma - sigma_i) /
+    (T sqrt(x))), B the quadratic B-spline.  Jumps further apart than its support of three periods do not meet.
+    """
+    found = alone.copy()
+    gap = np.diff(at, prepend=-np.inf, append=np.inf)
+    reach = 2.0 * PERIODS_AROUND_STEP * period * np.sqrt(alone)
+    close = np.flatnonzero((np.minimum(gap[1:], gap[:-1]) < reach) & np.isfinite(alone))
+
+    def share(i: NDArray[np.intp], x: FloatArray) -> FloatArray:
+        width = period * np.sqrt(x)
+        centre = at[i, None] + _PHASES * width[:, None]
+        total = np.zeros((i.size, _PHASES.size, step.shape[1]))
+        lo = np.searchsorted(at, centre[:, 0] - 1.5 * width)
+        hi = np.searchsorted(at, centre[:, -1] + 1.5 * width, side="right")
+        for k in range(int((hi - lo).max())):
+            j = np.minimum(lo + k, at.size - 1)
+            z = np.abs(centre - at[j, None]) / width[:, None]
+            spline = np.where(z <= 0.5, 0.75 - z**2, 0.5 * np.maximum(1.5 - z, 0.0) ** 2)
+            total += np.where((lo + k < hi)[:, None], spline, 0.0)[:, :, None] * step[j, None, :]
+        return np.asarray(np.abs(total).max(axis=(1, 2)) * x / period)
+
+    for some in np.array_split(close, max(1, close.size // _JUMPS_AT_ONCE)):
+        meets = some[share(some, found[some]) > JERK_BESIDE_STEP] if some.size else some
+        lo, hi = np.full(meets.size, -_LARGEST_SLOWING), np.zeros(meets.size)
+        for _ in range(_HALVINGS if meets.size else 0):
+            mid = 0.5 * (lo + hi)
+            holds = share(meets, alone[meets] * np.exp(mid)) <= JERK_BESIDE_STEP
+            lo, hi = np.where(holds, mid, lo), np.where(holds, hi, mid)
+        found[meets] = alone[meets] * np.exp(lo)
+    return found
+
+
+def _guess(section: Section, grid: Grid, guess: Scan) -> tuple[FloatArray, float]:
+    """Guess x at the knots by the time between knots, and the duration.
+
+    The mean of sigma_dot over an interval is finite at rest, where the ratio of feed and dy/dsigma is 0/0.
+    """
+    time = guess.time
+    h = np.diff(grid.sigma)
+    inner = h > 0.0
+    dt = np.diff(np.interp(section.position(grid.sigma), guess.y, time))
+    floor = 1e-9 * time[-1] / grid.intervals
+    rate = (h / np.maximum(dt, floor))[inner]
+    centre = (0.5 * (grid.sigma[1:] + grid.sigma[:-1]))[inner]
+    return np.interp(grid.sigma, centre, rate) ** 2, float(time[-1])

@@ -1,0 +1,332 @@
+"""Cut a path at its exact stops and give each section the coordinate in which it is planned.
+
+A *section* runs from stop to stop (or from an end of the path that has a feed).  Its coordinate sigma is composed of
+
+    u  <-  y        the curve parameter itself where the curve is C2 in it, else the arc length of the machine axes
+    y  <-  sigma    the rest map
+
+**Arc length of the machine axes** is weighted, dy^2 = sum_j (w_j dq_j)^2 with w_j = A_ref / A_j, so that millimetres
+and radians count as the drives feel them; on a machine with equal axes it is plain arc length.  It never rests while
+an axis moves, also where the tool tip does.
+
+**The rest map** removes the singularity of a start from rest, where sigma_dot^2 ~ y^(4/3).  Over a width w at each
+end, with r = sigma / w,
+
+    dy/dsigma = p(r) = 1 - (1-r)^4 (1 + 4r + 6r^2) = 4r^2 + 4r^3 - 21r^4 + 20r^5 - 6r^6,
+
+which joins the slope 1 of the middle with three continuous derivatives.  In sigma the speed stays finite and positive
+down to the stop; velocity and acceleration of every axis vanish there by themselves, and the jerk stays finite.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.geometry.arclength import ArcLength
+from planner.geometry.curve import Break, Curve, dot
+from planner.machine.limits import Limits
+from planner.plan.stops import tight_bends
+from planner.types import FloatArray
+
+# Ascending powers of r of the rest map's slope p and of its integral; a blend of width w covers BLEND_LENGTH w of y.
+_SLOPE = np.array([0.0, 0.0, 4.0, 4.0, -21.0, 20.0, -6.0])
+_LENGTH = np.array([0.0, 0.0, 0.0, 4.0 / 3.0, 1.0, -21.0 / 5.0, 10.0 / 3.0, -6.0 / 7.0])
+BLEND_LENGTH = float(_LENGTH.sum())
+# p, p', p'' and the integral, highest power first
+_MAPS = [
+    _LENGTH[::-1],
+    _SLOPE[::-1],
+    np.polyder(_SLOPE[::-1]),
+    np.polyder(_SLOPE[::-1], 2),
+]
+_NEWTON_PASSES = 80
+_DIGITS = 16.0  # more than so many units in the last place is not rounding
+_RESOLUTION = 1e4 * float(np.finfo(np.float64).eps)
+_SEAM_TOLERANCE = 1e-7  # relative jump of the first and second derivative between end and start that counts as none
+
+
+@dataclass(frozen=True, eq=False)
+class Section:
+    """A stretch of the path without an exact stop inside.
+
+    Attributes
+    ----------
+    curve : Curve
+    u_start, u_end : float
+        Curve parameters of the ends.
+    start_feed, end_feed : float or None
+        Tip feed prescribed there, mm/s; None for an exact stop, nan where it is free (a periodic path).
+    arc : ArcLength or None
+        Weighted arc length where that is the coordinate y; None where y is the curve parameter.
+    blend_start, blend_end : float
+        Widths of the rest map in y; 0 at an end that has a feed.
+    start_acceleration : float
+        Tangential acceleration of the tip prescribed at a start with a feed, mm/s^2; nan where it is free.
+    jumps : tuple of Break
+        Curvature jumps inside, to be passed at a feed that keeps the samples' jerk within its limit.
+    bend : float
+        Radius, mm, of the bend at whose tip it begins (weighted as the arc length is); 0 if it begins elsewhere.
+    reserve : tuple of (float, float)
+        Parameters, increasing, and the share of the limits that is left unused from each on; none before the first.
+    """
+
+    curve: Curve
+    u_start: float
+    u_end: float
+    start_feed: float | None
+    end_feed: float | None
+    arc: ArcLength | None
+    blend_start: float = 0.0
+    blend_end: float = 0.0
+    start_acceleration: float = np.nan
+    jumps: tuple[Break, ...] = ()
+    bend: float = 0.0
+    reserve: tuple[tuple[float, float], ...] = ()
+
+    @property
+    def has_prescribed_feed(self) -> bool:
+        """A feed is prescribed at one of the ends."""
+        return any(feed is not None and np.isfinite(feed) for feed in (self.start_feed, self.end_feed))
+
+    @property
+    def y_start(self) -> float:
+        """Coordinate y at the start."""
+        return self.u_start if self.arc is None else float(self.arc.s(self.u_start))
+
+    @property
+    def y_end(self) -> float:
+        """Coordinate y at the end."""
+        return self.u_end if self.arc is None else float(self.arc.s(self.u_end))
+
+    @property
+    def resolution(self) -> float:
+        """Distance in y below which two places are one: ten thousand digits of y."""
+        return _RESOLUTION * max(abs(self.y_start), abs(self.y_end))
+
+    @property
+    def span(self) -> float:
+        """Range [0, span] of sigma."""
+        saved = (1.0 - BLEND_LENGTH) * (self.blend_start + self.blend_end)
+        return self.y_end - self.y_start + saved
+
+    def usable(self, u: FloatArray) -> FloatArray:
+        """Share of the limits that a plan may use at parameters: what the reserve leaves."""
+        if not self.reserve:
+            return np.ones_like(u)
+        begins, unused = (np.array(column) for column in zip(*self.reserve, strict=True))
+        return np.append(1.0, 1.0 - unused)[np.searchsorted(begins, u, side="right")]
+
+    def position(self, sigma: FloatArray) -> FloatArray:
+        """Evaluate y(sigma)."""
+        w0, w1, span = self.blend_start, self.blend_end, self.span
+        y = self.y_start - (1.0 - BLEND_LENGTH) * w0 + sigma
+        for width, distance, end, sign in ((w0, sigma, self.y_start, 1.0), (w1, span - sigma, self.y_end, -1.0)):
+            if width > 0.0:
+                inside = np.flatnonzero(distance < width)
+                y[inside] = end + sign * width * np.polyval(_MAPS[0], np.maximum(distance[inside], 0.0) / width)
+        return y
+
+    def rest_map(self, sigma: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Evaluate y(sigma) and its first three derivatives."""
+        w0, w1, span = self.blend_start, self.blend_end, self.span
+        y = self.position(sigma)
+        first, second, third = np.ones_like(y), np.zeros_like(y), np.zeros_like(y)
+        for width, distance, sign in ((w0, sigma, 1.0), (w1, span - sigma, -1.0)):
+            if width <= 0.0:
+                continue
+            inside = np.flatnonzero(distance < width)
+            r = np.maximum(distance[inside], 0.0) / width
+            first[inside] = np.polyval(_MAPS[1], r)
+            second[inside] = sign * np.polyval(_MAPS[2], r) / width
+            third[inside] = np.polyval(_MAPS[3], r) / width**2
+        return y, first, second, third
+
+    def sigma(self, y: FloatArray) -> FloatArray:
+        """Invert the rest map (Newton in the blends, bracketed)."""
+        w0, w1 = self.blend_start, self.blend_end
+        sigma = y - self.y_start + (1.0 - BLEND_LENGTH) * w0
+        for width, covered, side in ((w0, y - self.y_start, 0), (w1, self.y_end - y, 1)):
+            if width <= 0.0:
+                continue
+            inside = np.flatnonzero(covered < BLEND_LENGTH * width)
+            if inside.size:
+                distance = width * _invert_blend(np.maximum(covered[inside], 0.0) / width)
+                sigma[inside] = distance if side == 0 else self.span - distance
+        return np.clip(sigma, 0.0, self.span)
+
+    def parameter(self, y: FloatArray) -> FloatArray:
+        """Curve parameter at coordinates y."""
+        if self.arc is None:
+            return np.clip(y, self.u_start, self.u_end)
+        return np.clip(self.arc.u(np.clip(y, 0.0, self.arc.total)), self.u_start, self.u_end)
+
+    def coordinate(self, u: FloatArray) -> FloatArray:
+        """Coordinate y at curve parameters u."""
+        return u.copy() if self.arc is None else self.arc.s(u)
+
+    def rounding(self, sigma: FloatArray, u: FloatArray) -> FloatArray:
+        """By how much rounding moved the parameters u of the points sigma; 0 outside the rest blends.
+
+        Next to a stop the digits of u do not tell how far it is: a path that ends at u = 1 has none closer than 1e-16,
+        and the rest map goes there.  The distance itself is known to full precision, w P(r), and so is 1 - u.
+        """
+        out = np.zeros_like(u)
+        for width, distance, stop, sign in (
+            (self.blend_start, sigma, self.u_start, 1.0),
+            (self.blend_end, self.span - sigma, self.u_end, -1.0),
+        ):
+            if width <= 0.0:
+                continue
+            inside = np.flatnonzero((distance > 0.0) & (distance < width))
+            away = sign * (u[inside] - stop)
+            meant = width * np.polyval(_MAPS[0], distance[inside] / width)
+            speed: FloatArray | float = 1.0
+            if self.arc is not None:
+                # The arc length by three derivatives at the stop: closer than the digits of u where these matter.
+                v, v1, v2 = self.arc.speed_at(stop, "right" if sign > 0.0 else "left")
+                speed = v + sign * v1 * away
+                away = away * (v + away * (0.5 * sign * v1 + away * v2 / 6.0))
+            moved = sign * (away - meant) / speed
+            digits = _DIGITS * np.finfo(float).eps * max(abs(self.u_start), abs(self.u_end), self.u_end - self.u_start)
+            out[inside] = np.where(np.abs(moved) <= digits, moved, 0.0)
+        return out
+
+    def parameter_derivatives(
+        self, q: FloatArray, weights: FloatArray, rest: tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """First three derivatives of u with respect to sigma, from q' and q'' (with respect to u) and the rest map."""
+        _, y1, y2, y3 = rest
+        if self.arc is None:
+            return y1, y2, y3
+        weighted = q[1:] * weights
+        v = np.sqrt(dot(weighted[0], weighted[0]))
+        v1 = dot(weighted[0], weighted[1]) / v
+        v2 = (dot(weighted[1], weighted[1]) + dot(weighted[0], weighted[2]) - v1**2) / v
+        # u as a function of y, then y as one of sigma
+        u1, u2, u3 = 1.0 / v, -v1 / v**3, (3.0 * v1**2 - v * v2) / v**5
+        return u1 * y1, u2 * y1**2 + u1 * y2, u3 * y1**3 + 3.0 * u2 * y1 * y2 + u1 * y3
+
+
+def _invert_blend(fraction: FloatArray) -> FloatArray:
+    """Solve _LENGTH(r) = fraction for r in [0, 1]."""
+    lo, hi = np.zeros_like(fraction), np.ones_like(fraction)
+    r = np.minimum(np.cbrt(0.75 * fraction), 1.0)
+    for _ in range(_NEWTON_PASSES):
+        error = np.polyval(_MAPS[0], r) - fraction
+        lo, hi = np.where(error <= 0.0, r, lo), np.where(error > 0.0, r, hi)
+        slope = np.polyval(_MAPS[1], r)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            trial = r - error / slope
+        good = (trial >= lo) & (trial <= hi)
+        following = np.where(error == 0.0, r, np.where(good, trial, 0.5 * (lo + hi)))
+        if np.abs(following - r).max() <= 1e-15:
+            break
+        r = following
+    return r
+
+
+def axis_weights(limits: Limits) -> FloatArray:
+    """Weights that make the axes comparable: by acceleration, else by jerk, else by velocity; 1 where nothing limits."""
+    for row in (limits.acceleration, limits.jerk, limits.velocity):
+        finite = np.isfinite(row)
+        if finite.all():
+            return np.asarray(row.max() / row)
+    return np.ones(limits.dim)
+
+
+def cut(
+    curve: Curve,
+    limits: Limits,
+    start_feed: float,
+    end_feed: float,
+    *,
+    exact_stop: bool,
+    periodic: bool = False,
+    fillets: bool = True,
+) -> list[Section]:
+    """Cut a path at its corners and at bends as tight as corners to this machine (``exact_stop``: at curvature jumps too).
+
+    Without ``fillets`` a tight bend that is a span of its own is a corner as well: for grids that do not resolve it.
+
+    Returns
+    -------
+    list of Section
+        In the order of the path, not yet with rest blends (see :func:`with_blends`).
+    """
+    weights = axis_weights(limits)
+    stops = {b.u: 0.0 for b in curve.breaks if b.geometric == 0 or (exact_stop and b.geometric == 1)}
+    if not periodic:
+        stops |= {bend.u: bend.radius for bend in tight_bends(curve, limits, weights, hidden=fillets)}
+    return sections_between(curve, limits, stops, start_feed, end_feed, periodic=periodic)
+
+
+def sections_between(
+    curve: Curve,
+    limits: Limits,
+    stops: Mapping[float, float],
+    start_feed: float,
+    end_feed: float,
+    *,
+    periodic: bool = False,
+) -> list[Section]:
+    """Cut a path at the given parameters, each with the radius of a bend whose tip it is, or 0."""
+    weights = axis_weights(limits)
+    breaks = np.array([b.u for b in curve.breaks])
+    arc: ArcLength | None = None
+    sections = []
+    for i, (u0, u1) in enumerate(pairwise([curve.domain[0], *sorted(stops), curve.domain[1]])):
+        inside = curve.breaks[np.searchsorted(breaks, u0, side="right") : np.searchsorted(breaks, u1)]
+        smooth = all(b.parametric >= 2 for b in inside) and not (periodic and _seam_jumps(curve))
+        if not smooth and arc is None:
+            arc = weighted_arclength(curve, weights)
+        entry = (np.nan if periodic else start_feed) if i == 0 else 0.0
+        leave = (np.nan if periodic else end_feed) if i == len(stops) else 0.0
+        section = Section(
+            curve,
+            u0,
+            u1,
+            None if entry == 0.0 else entry,
+            None if leave == 0.0 else leave,
+            None if smooth else arc,
+            jumps=tuple(b for b in inside if b.geometric == 1),
+            bend=stops.get(u0, 0.0),
+        )
+        sections.append(replace(section, jumps=_apart_from_ends(section)))
+    return sections
+
+
+def _apart_from_ends(section: Section) -> tuple[Break, ...]:
+    """Curvature jumps that are not at an end of their section but for rounding."""
+    y = section.coordinate(np.array([b.u for b in section.jumps]))
+    apart = np.minimum(y - section.y_start, section.y_end - y) > section.resolution
+    return tuple(b for b, inside in zip(section.jumps, apart, strict=True) if inside)
+
+
+def _seam_jumps(curve: Curve) -> bool:
+    """The parametrisation of a closed curve is not C2 where its end meets its start."""
+    start, end = (curve.derivatives(u, 2) for u in curve.domain)
+    jump, size = np.abs(end - start).max(axis=-1), np.abs([start, end]).max(axis=(0, -1))
+    return bool((jump[1:] > _SEAM_TOLERANCE * size[1:]).any())
+
+
+def weighted_arclength(curve: Curve, weights: FloatArray) -> ArcLength:
+    """Arc length of the machine axes under the weights of :func:`axis_weights`."""
+
+    def speed(u: FloatArray) -> FloatArray:
+        return np.asarray(np.sqrt(np.sum((curve.derivatives(u, 1)[1] * weights) ** 2, axis=-1)))
+
+    return ArcLength.of_speed(speed, curve.pieces.breaks, curve.name)
+
+
+def evaluate(curve: Curve, u: FloatArray, left: NDArray[np.bool_]) -> FloatArray:
+    """Derivatives 0..3 of a curve at u (n,), from the left where ``left`` is true, by its compiled pieces.
+
+    They are exact for B-splines.  Pieces fitted to other curves are 1e-13 of the extent off, their third derivatives some
+    1e-7 of the largest; what is planned on them is checked on the curve itself.
+    """
+    return curve.pieces.evaluate(u, 3, left)

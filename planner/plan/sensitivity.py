@@ -1,0 +1,129 @@
+"""What each limit costs: the change of the duration with the limit, from the multipliers of the optimum.
+
+The multiplier l of a constraint g(z) <= 0 is the rate at which the time falls when its bound is relaxed.  Relaxing a limit
+by the fraction e moves the scaled bounds of its rows by
+
+    feed, axis velocity   cap (1 + e)^2     2 e        chord error   cap ~ 2 rho d - d^2      2 e (rho - d) / (2 rho - d)
+    acceleration          1 (1 + e)           e        jerk          x^(-1/2) (1 + e)         e x^(-1/2)
+
+(d the chord error, rho the radius), so that the seconds saved by one percent are 0.01 sum(l * bound * power).  At a jump of
+the curvature the cap is what the jerk of an axis leaves of its step in one period: it grows with that jerk.  Where the path
+itself commands a lower feed than the limits (``feed_caps``), it is not the machine's feed that costs time but the
+programmed one, and on rapids the limit of these.  An axis that has no jerk limit leaves a rest by a ramp in proportion to
+its acceleration.
+
+They hold for small changes; a limit that stops binding when it is relaxed saves less than its rate promises.  So does one
+of two that bind together: along a line at 45 degrees more jerk for one axis alone saves nothing, and what both are worth
+may be told of either.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.geometry.curve import dot
+from planner.machine.limits import COMMANDS, Limits
+from planner.plan.rows import Constraints, Path, speed_limits
+from planner.plan.solvers.interior import Iterate
+
+_PERCENT = 0.01
+_LOWERED = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class SpeedBound:
+    """Which limit sets the largest x at each point, and how x grows with it.
+
+    ``which (p,)``: index into :meth:`names`; ``power (p,)``: by how many percent x grows with one percent of the limit.
+    """
+
+    which: NDArray[np.int8]
+    power: NDArray[np.float32]
+
+    @staticmethod
+    def names(axes: tuple[str, ...]) -> list[str]:
+        """Limits on the speed, those of jumps (by jerk) last."""
+        return [
+            COMMANDS[0],
+            "chord error",
+            *(f"velocity {axis}" for axis in axes),
+            *COMMANDS[1:],
+            *(f"jerk {axis}" for axis in axes),
+        ]
+
+    @classmethod
+    def of(cls, limits: Limits, path: Path, problem: Constraints, command: NDArray[np.int8]) -> SpeedBound:
+        """At the points of a problem, before its limits are tightened; ``command (p,)``: see ``limits.command_kind``."""
+        bounds = speed_limits(limits, path)
+        which = np.argmin(bounds, axis=0)
+        lowest = bounds.min(axis=0)
+        power = np.where(np.isfinite(lowest), 2.0, 0.0).astype(np.float32)
+        at = np.flatnonzero(which == 1)
+        radius = 1.0 / path.curvature[at]
+        error = np.minimum(limits.chord_error, radius)
+        power[at] = 2.0 * (radius - error) / (2.0 * radius - error)
+        programmed = 2 + limits.dim
+        which = np.where(which == 0, np.array([0, programmed, programmed + 1])[command], which)
+        per_x = (problem.length_unit / problem.time_unit) ** 2
+        lowered = problem.cap * per_x < lowest**2 * (1.0 - _LOWERED)
+        jump = 2 * np.flatnonzero((problem.h == 0.0) & lowered[1::2])
+        step = np.abs(path.axes[2, jump + 2] - path.axes[2, jump])
+        with np.errstate(divide="ignore"):
+            axis = np.argmin(limits.jerk / step, axis=1)
+        for k in (0, 1, 2):
+            here = jump + k
+            which[here] = np.where(lowered[here], programmed + 2 + axis, which[here])
+            power[here] = np.where(lowered[here], 1.0, power[here])
+        return cls(which.astype(np.int8), power)
+
+
+def saved_by_one_percent(
+    iterate: Iterate, bound: SpeedBound, limits: Limits, axes: tuple[str, ...]
+) -> dict[str, float]:
+    """Seconds that one percent more of each limit would save.
+
+    Parameters
+    ----------
+    iterate : Iterate
+        The optimum of a section.
+    bound : SpeedBound
+        What limits the speed at its points.
+    limits : Limits
+    axes : tuple of str
+
+    Returns
+    -------
+    dict
+        By the names of ``FeedrateProfile.limit_names``, "programmed feed" and "rapid"; unit of the problem's time.
+    """
+    # row by row: a long path has no memory to spare
+    pace = iterate.z[0] ** -0.5
+    worth = [
+        float(dot(dual[0], pace) + dot(dual[1], pace)) if jerk else float(dual.sum())
+        for dual, jerk in zip(iterate.dual, iterate.jerk, strict=True)
+    ]
+    # the speed row is the lowest of several limits at each point
+    names = bound.names(axes)
+    by_name = np.bincount(bound.which, iterate.dual[0, 0] * bound.power, len(names))
+    saved = dict(zip(names, by_name.tolist(), strict=True))
+    for name, value in zip(_rows(limits, axes), worth[1:], strict=True):
+        saved[name] = saved.get(name, 0.0) + value
+    return {name: _PERCENT * value for name, value in saved.items() if value > 0.0}
+
+
+def _rows(limits: Limits, axes: tuple[str, ...]) -> list[str]:
+    """Limits of the rows of a problem after the one of the speed, as ``constraints.build`` stacks them."""
+    named = [(f" {axis}", j) for j, axis in enumerate(axes)]
+    found = [f"acceleration{axis}" for axis, j in named if np.isfinite(limits.acceleration[j])]
+    found += ["tangential acceleration"] * bool(np.isfinite(limits.tangential_acceleration))
+    jerk = [f"jerk{axis}" for axis, j in named if np.isfinite(limits.jerk[j])]
+    jerk += ["tangential jerk"] * bool(np.isfinite(limits.tangential_jerk))
+    ramps = [
+        f"acceleration{axis}"
+        for axis, j in named
+        if np.isfinite(limits.acceleration[j]) and not np.isfinite(limits.jerk[j])
+    ]
+    return found + jerk + (ramps if jerk else [])

@@ -1,0 +1,139 @@
+"""From a solution in sigma to the nodes of a time law.
+
+A solution gives x = sigma_dot^2 as a cubic on every interval.  Its time law has a node at each knot and each midpoint,
+
+    t' = x^(-1/2) integrated by Gauss,   u_dot = u' x^(1/2),   u_ddot = u'' x + u' a,
+
+with one-sided values at double knots.  Between nodes the law is the quintic of ``profile.py``; that quintic, not the
+cubic, is what ``utilisation.py`` measures, so what is measured is what will run.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.law import TimeNodes
+from planner.plan.rows import Parameter
+from planner.types import FloatArray
+
+_GAUSS_POINTS = 8  # on half an interval: the integrand varies little there
+_DEEPEST_DIP = 1e-4
+_DIGITS = 16.0  # a difference of parameters is known to so many units in their last place
+
+
+@dataclass(frozen=True, eq=False)
+class SpeedLaw:
+    """x = sigma_dot^2 as a piecewise cubic.
+
+    ``sigma``, ``x``, ``a``, ``c`` at the knots, in the path's own units; equal neighbours in sigma are a double knot.
+    """
+
+    sigma: FloatArray
+    x: FloatArray
+    a: FloatArray
+    c: FloatArray
+
+    def at(self, sigma: FloatArray) -> FloatArray:
+        """Evaluate x at any sigma."""
+        i = np.clip(np.searchsorted(self.sigma, sigma, side="right") - 1, 0, self.sigma.size - 2)
+        h = self.sigma[i + 1] - self.sigma[i]
+        i = np.where(h > 0.0, i, i - 1)
+        h = self.sigma[i + 1] - self.sigma[i]
+        w = sigma - self.sigma[i]
+        slope = (self.c[i + 1] - self.c[i]) / h
+        return self.x[i] + w * (2.0 * self.a[i] + w * (self.c[i] + w * slope / 3.0))
+
+    def nodes(self, path: Parameter) -> TimeNodes:
+        """Nodes at knots and midpoints; ``path`` holds the same points."""
+        h = np.diff(self.sigma)
+        # A midpoint is where it rounds to: far from the origin and next to a stop that is not the middle.
+        first = 0.5 * (self.sigma[:-1] + self.sigma[1:]) - self.sigma[:-1]
+        halves = np.stack([first, h - first], axis=1)
+        slope = np.diff(self.c) / np.where(h > 0.0, h, 1.0)
+        x, a, c = np.empty((3, path.u.shape[1]))
+        x[0::2], a[0::2], c[0::2] = self.x, self.a, self.c
+        x[1::2] = self.x[:-1] + first * (2.0 * self.a[:-1] + first * (self.c[:-1] + first * slope / 3.0))
+        np.maximum(x[1::2], _DEEPEST_DIP * np.minimum(self.x[:-1], self.x[1:]), out=x[1::2])
+        a[1::2] = self.a[:-1] + first * (self.c[:-1] + 0.5 * first * slope)
+        c[1::2] = self.c[:-1] + first * slope
+        dt = np.empty(2 * h.size)
+        gauss, weights = np.polynomial.legendre.leggauss(_GAUSS_POINTS)
+        for half in (0, 1):
+            w = half * first[:, None] + halves[:, [half]] * (0.5 * (gauss + 1.0))
+            inner = self.x[:-1, None] + w * (
+                2.0 * self.a[:-1, None] + w * (self.c[:-1, None] + w * slope[:, None] / 3.0)
+            )
+            # A cubic may dip below 0 between collocation points of a coarse grid; it is slow there, not undefined, and the
+            # excess that the quintic shows makes the grid finer.
+            np.maximum(inner, _DEEPEST_DIP * np.minimum(self.x[:-1], self.x[1:])[:, None], out=inner)
+            dt[half::2] = 0.5 * halves[:, half] * np.einsum("ij,j->i", 1.0 / np.sqrt(inner), weights)
+        u, u1, u2, u3 = path.u
+        rate, acceleration = u1 * np.sqrt(x), u2 * x + u1 * a
+        # Where rounding moved u, the node is the moment at which the law has the rounded u.
+        off = np.flatnonzero((path.rounding != 0.0) & (rate > 0.0))
+        later, moved = np.zeros(x.size), path.rounding
+        third = (u3[off] * x[off] + 3.0 * u2[off] * a[off] + u1[off] * c[off]) * np.sqrt(x[off])
+        later[off] = _until(moved[off], rate[off], acceleration[off])
+        rate[off] += later[off] * (acceleration[off] + 0.5 * later[off] * third)
+        acceleration[off] += later[off] * third
+        # u is exact at the ends of stretches and taken as it is next to a stop; elsewhere its digits are those of a solve.
+        exact = moved != 0.0
+        exact[0::2] |= np.append(h == 0.0, True) | np.append(True, h == 0.0)
+        advance, u = _in_step(u, _advance(halves.reshape(-1), path.u) + np.diff(moved), exact, dt)
+        dt += np.diff(later)
+        keep = np.append(True, np.repeat(h, 2) > 0.0)
+        keep[2::2] = True  # the midpoint of an empty interval is no node of its own
+        inner = keep[1:]
+        t = np.concatenate([[0.0], np.cumsum(dt[inner])])
+        nodes = TimeNodes(t, u[keep], rate[keep], acceleration[keep], np.stack([dt, advance])[:, inner])
+        nodes.keep_forward_at_stops()
+        return nodes
+
+
+def _until(distance: FloatArray, rate: FloatArray, acceleration: FloatArray) -> FloatArray:
+    """Time in which u goes on by a distance of some digits; to second order, since these may be much next to a stop."""
+    square = rate**2 + 2.0 * acceleration * distance
+    return np.where(square > 0.0, 2.0 * distance / (rate + np.sqrt(np.maximum(square, 0.0))), distance / rate)
+
+
+def _advance(h: FloatArray, u: FloatArray) -> FloatArray:
+    """Difference of u from point to point, from u and its derivatives (4, p) there: its integral where the digits end.
+
+    By Hermite's formula, h/2 (u' + u'+) + h^2/10 (u'' - u''+) + h^3/120 (u+), exact for u' of degree 5; where that
+    is further from the difference than rounding is, the intervals are long and the difference is the better one.
+    """
+    plain, digit = np.diff(u[0]), np.finfo(float).eps * float(np.abs(u[0]).max())
+    integral = h * (
+        0.5 * (u[1, 1:] + u[1, :-1]) + h * (0.1 * (u[2, :-1] - u[2, 1:]) + h / 120.0 * (u[3, 1:] + u[3, :-1]))
+    )
+    return np.where(np.abs(integral - plain) <= _DIGITS * digit, integral, plain)
+
+
+def _in_step(
+    u: FloatArray, advance: FloatArray, exact: NDArray[np.bool_], dt: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Make u (p,) and its steps (p - 1,) agree to a digit of u; returns the steps and u.
+
+    The steps are summed up from one exact point to the next.  What is left over there beyond half a digit is spread over
+    them by their length and the square of the times ``dt (p - 1,)`` they take, since 60 e |C'| / dt^3 is the jerk of an
+    error e; half a digit is not, since over two nodes a microsecond apart it would be a jerk beyond any limit.
+    """
+    from planner.plan.utilisation_kernels import follow
+
+    total = np.cumsum(np.concatenate([u[:1], advance]))
+    # What each addition rounded off, exactly (Knuth's TwoSum); together with it the sums are good to half a digit.
+    added = np.diff(total)
+    lost = np.concatenate([[0.0], np.cumsum((total[:-1] - (total[1:] - added)) + (advance - added))])
+    at = np.flatnonzero(exact)
+    left_over = np.empty(at.size)
+    follow((u[at] - total[at]) - lost[at], 0.5 * np.finfo(float).eps * np.abs(u[at]), left_over)
+    share = np.abs(advance) * (dt / dt.max()) ** 2
+    share[~(share > 0.0)] = share.mean()  # empty intervals lie between exact points
+    over = np.concatenate([[0.0], np.cumsum(share)])
+    spread = np.interp(over, over[at], left_over)
+    out = total + (lost + spread)
+    out[at] = u[at]
+    return advance + np.diff(spread), out

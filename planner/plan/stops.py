@@ -1,0 +1,163 @@
+"""Bends so tight that a machine takes them as corners.
+
+A bend of radius R is passed at no more than min((A R)^(1/2), (J R^2)^(1/3)).  Below a radius of about 8e-4 A^3 / J^2, 2 um
+for 1000 mm/s^2 and 20000 mm/s^3, that is nearly a stop: passing it saves a few hundredths of a second.  Where such a
+bend is hidden in a span a thousand times its size and more, a plan would need nodes at the scale of nanometres to pass it;
+there it is an exact stop.  So is one that the digits of the plan, or the period, cannot tell from a corner.  A fillet that
+is a span of its own is resolved, and passed, however small it is.
+
+The curvature of a spline rises steeply where |C'| nearly vanishes, over a stretch that is short against a knot span.  So
+what is looked for is, on every piece, the highest of the curvatures sampled and the least |C'|; each is refined.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.geometry.curve import Curve, curvature, dot, golden_minimum
+from planner.machine.limits import Limits
+from planner.types import FloatArray
+
+_SMALLEST_RADIUS = 8e-4  # times A^3 / J^2
+_SAMPLES = 16  # a piece
+_BLOCK = 4096  # pieces at a time, which bounds the memory
+_WORTH_REFINING = 0.1  # of the curvature at which a bend is a corner
+_PASSES = 48  # of the golden section, 1e-10 of the interval
+_NEAR = 1e-3  # of the interval between samples
+_SLOW = 0.5  # |C'| against its values around
+_HIDDEN = 1e3  # length of its span over the radius of a bend
+# Radius over the extent of the path, and over the way that a digit of u is worth, below which a plan cannot tell a bend from
+# a corner: passing it takes no longer than the nodes must be apart.
+_OF_EXTENT, _OF_DIGIT = 1e-9, 1e6
+# Radius over J T^3, and over A T^2, below which the bend is over within the periods that passing it would save.
+_OF_PERIODS = 6.0
+_APART = 4.0  # times the smallest radius: bends closer than this along the path are one
+
+
+@dataclass(frozen=True)
+class Bend:
+    """A bend taken as a corner: its parameter and its radius, mm of the axes as ``axis_weights`` weighs them."""
+
+    u: float
+    radius: float
+
+
+def smallest_radius(limits: Limits, weights: FloatArray) -> float:
+    """Radius below which a bend is a corner, in weighted units; 0 where the acceleration has no limit."""
+    acceleration, jerk = float((weights * limits.acceleration).min()), float((weights * limits.jerk).min())
+    if np.isinf(acceleration):
+        return 0.0
+    within = min(_OF_PERIODS * jerk * limits.period**3, acceleration * limits.period**2)
+    return within if np.isinf(jerk) else max(within, _SMALLEST_RADIUS * acceleration * (acceleration / jerk) ** 2)
+
+
+def tight_bends(curve: Curve, limits: Limits, weights: FloatArray, *, hidden: bool = True) -> list[Bend]:
+    """Find the bends of a curve that are corners to a machine, in order of u; all tight ones without ``hidden``."""
+    radius = smallest_radius(limits, weights)
+    edges = curve.pieces.breaks
+    extent = np.ptp(curve.pieces.evaluate(edges, 0, False)[0] * weights, axis=0)
+    radius = max(radius, _OF_EXTENT * float(np.sqrt(dot(extent, extent))))
+
+    def weighted(u: FloatArray) -> FloatArray:
+        d = curve.pieces.evaluate(u, 2, False)
+        d[1:] *= weights
+        return d
+
+    found: list[tuple[FloatArray, FloatArray]] = []
+    for first in range(0, edges.size - 1, _BLOCK):
+        block = edges[first : first + _BLOCK + 1]
+        share = (np.arange(_SAMPLES) + 0.5) / _SAMPLES
+        u = (block[:-1, None] + np.diff(block)[:, None] * share).reshape(-1)
+        d = weighted(u)
+        local = np.maximum(radius, _unresolved(curve, weights, u))
+        at = _candidates(d, local)
+        if at.size == 0:
+            continue
+        lo = np.where(at > 0, u[np.maximum(at - 1, 0)], block[0])
+        hi = np.where(at < u.size - 1, u[np.minimum(at + 1, u.size - 1)], block[-1])
+        # First to where the curve is slowest, next to which its curvature has its peak; then to the peak, there and here.
+        slow, least = golden_minimum(lambda x: dot(*[weighted(x)[1]] * 2), lo, hi, _PASSES)
+        reach = np.minimum(hi - lo, 4.0 * np.sqrt(least) * local[at] + _NEAR * (hi - lo))
+        a, b = (
+            np.concatenate(ends) for ends in ((np.maximum(slow - reach, lo), lo), (np.minimum(slow + reach, hi), hi))
+        )
+        top, negative = golden_minimum(lambda x: -curvature(weighted(x)), a, b, _PASSES)
+        found.append((top, -negative))
+    return _separate(curve, weights, radius, _HIDDEN if hidden else 0.0, found)
+
+
+def _unresolved(curve: Curve, weights: FloatArray, u: FloatArray) -> FloatArray:
+    """Radius below which the digits of u do not resolve a bend, at each parameter."""
+    length, width = _span_length(curve, weights, u)
+    return _OF_DIGIT * np.spacing(np.abs(u)) * length / width
+
+
+def _candidates(d: FloatArray, radius: FloatArray) -> NDArray[np.intp]:
+    """Samples next to which the curvature may reach 1 / radius, from the derivatives (3, n, dim) there.
+
+    By the second derivative C' runs along a straight line, which comes as close to 0 as |n|, n its part across C''; there
+    the curvature is |C''| / |n|^2.
+    """
+    bend, speed = curvature(d), np.sqrt(dot(d[1], d[1]))
+    around = np.pad(bend, 1, constant_values=-np.inf)
+    peak = (bend >= around[:-2]) & (bend >= around[2:]) & (bend * radius > _WORTH_REFINING)
+    slower = np.pad(speed, 2, mode="edge")
+    least = (speed <= slower[1:-3]) & (speed <= slower[3:-1]) & (speed <= _SLOW * np.maximum(slower[:-4], slower[4:]))
+    second = dot(d[2], d[2])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        across = d[1] - (dot(d[1], d[2]) / second)[:, None] * d[2]
+        least &= np.sqrt(second) * radius > _WORTH_REFINING * dot(across, across)
+    return np.flatnonzero(peak | least)
+
+
+def _span_length(curve: Curve, weights: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Length, and width in u, of the piece of the curve at each parameter."""
+    edges = curve.pieces.breaks
+    piece = np.clip(np.searchsorted(edges, u, side="right") - 1, 0, edges.size - 2)
+    width = edges[piece + 1] - edges[piece]
+    share = (np.arange(_SAMPLES) + 0.5) / _SAMPLES
+    some, which = np.unique(piece, return_inverse=True)
+    inside = edges[some, None] + (edges[some + 1] - edges[some])[:, None] * share
+    velocity = curve.pieces.evaluate(inside.reshape(-1), 1, False)[1] * weights
+    mean = np.sqrt(dot(velocity, velocity)).reshape(inside.shape).mean(axis=1)
+    return mean[which] * width, width
+
+
+def _separate(
+    curve: Curve, weights: FloatArray, radius: float, hidden: float, found: list[tuple[FloatArray, FloatArray]]
+) -> list[Bend]:
+    """Of the peaks above the limit, those that are not one bend with a sharper one; none at the ends of the curve."""
+    if not found:
+        return []
+    u, bend = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    local = np.maximum(radius, _unresolved(curve, weights, u))
+    sharp = np.flatnonzero((bend * local > 1.0) & (bend * _span_length(curve, weights, u)[0] > hidden))
+    sharp = sharp[np.argsort(-bend[sharp], kind="stable")]
+    kept: list[int] = []
+    points = curve.pieces.evaluate(u, 0, False)[0] * weights
+    ends = curve.pieces.evaluate(np.array(curve.domain), 0, False)[0] * weights
+    taken = ends
+    for i in sharp:
+        if np.sqrt(((taken - points[i]) ** 2).sum(axis=1)).min() > _APART * local[i]:
+            kept.append(int(i))
+            taken = np.vstack([taken, points[i]])
+    at = _on_breaks(curve, weights, u[kept], points[kept], _APART * local[kept])
+    return sorted(
+        (Bend(float(x), 1.0 / float(bend[i])) for x, i in zip(at, kept, strict=True)), key=lambda bend: bend.u
+    )
+
+
+def _on_breaks(curve: Curve, weights: FloatArray, u: FloatArray, points: FloatArray, near: FloatArray) -> FloatArray:
+    """Parameters of bends, moved onto a break that is as near as to be the same place."""
+    breaks = curve._candidate_breaks()
+    if breaks.size == 0 or u.size == 0:
+        return u
+    after = np.clip(np.searchsorted(breaks, u), 0, breaks.size - 1)
+    moved = u.copy()
+    for k in (np.maximum(after - 1, 0), after):
+        there = curve.pieces.evaluate(breaks[k], 0, False)[0] * weights
+        moved = np.where(np.sqrt(((there - points) ** 2).sum(axis=1)) <= near, breaks[k], moved)
+    return np.asarray(moved)

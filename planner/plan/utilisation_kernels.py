@@ -1,0 +1,187 @@
+"""Compiled measurement of a time law, see ``utilisation.py``; and what grows by steps at most, see ``knots.py``."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, types
+
+from planner.geometry.curve_kernels import FLAG, FLAGS2, NOTHING, READ1, READ2, READ3, WRITE1, WRITE2, point_on_pieces
+
+_MOST_PARTS = 80  # that an interval is cut into
+_PARABOLA = 0.07  # its error through four points, against their third difference: max |x (x^2 - 1)| / 6
+_PRECISE = 3e-7  # as a share of a limit
+# (breaks, coefficients, rational, resting, origin) of the pieces of a curve
+PIECES = types.Tuple((READ1, READ3, FLAG, FLAGS2, READ2))
+
+
+@njit(forceinline=True, error_model="numpy")
+def _shares_at(q, tip, u1, u2, u3, feed, per_limit, scalars, out):
+    """Shares of all limits used at a point: velocities and feed, accelerations, jerks."""
+    dim = q.shape[1]
+    u11 = u1 * u1
+    u111, u12 = u11 * u1, 3.0 * u1 * u2
+    for j in range(dim):
+        d1, d2, d3 = q[1, j], q[2, j], q[3, j]
+        out[j] = abs(d1 * u1) * per_limit[0, j]
+        out[dim + 2 + j] = abs(d2 * u11 + d1 * u2) * per_limit[1, j]
+        out[2 * dim + 3 + j] = abs(d3 * u111 + d2 * u12 + d1 * u3) * per_limit[2, j]
+    chord, period, along2, along3 = scalars[0], scalars[1], scalars[2], scalars[3]
+    dot11 = dot12 = dot13 = dot22 = 0.0
+    for j in range(tip.shape[1]):
+        d1, d2, d3 = tip[1, j], tip[2, j], tip[3, j]
+        dot11 += d1 * d1
+        dot12 += d1 * d2
+        dot13 += d1 * d3
+        dot22 += d2 * d2
+    s1 = np.sqrt(dot11)
+    out[dim] = s1 * abs(u1) / feed
+    out[dim + 1] = out[2 * dim + 2] = out[3 * dim + 3] = 0.0
+    if not s1 > 0.0:
+        return
+    s2 = dot12 / s1
+    if np.isfinite(chord):
+        normal = 0.0
+        for j in range(tip.shape[1]):
+            normal += (tip[2, j] - s2 / s1 * tip[1, j]) ** 2
+        if normal > 0.0:
+            radius = dot11 / np.sqrt(normal)
+            error = min(chord, radius)
+            out[dim + 1] = s1 * abs(u1) * period / (2.0 * np.sqrt(error * (2.0 * radius - error)))
+    out[2 * dim + 2] = abs(s1 * u2 + s2 * u11) / along2
+    s3 = (dot22 + dot13 - s2 * s2) / s1
+    out[3 * dim + 3] = abs(s1 * u3 + s2 * u12 + s3 * u111) / along3
+
+
+@njit(forceinline=True, error_model="numpy")
+def _grant(q, tip, digit, h, feed, per_limit, scalars, out):
+    """Shares of the limits that rounding makes of a quintic of duration h.
+
+    Half a digit of u at both ends is worth up to 2, 6 and 60 of it over h, h^2 and h^3; nine tenths of that are granted
+    here, all of it by the check: nothing on a path of metres, all of the jerk at the end of one of 100 km, where no table
+    in double precision says more.
+    """
+    dim = q.shape[1]
+    first, second, third = 1.8 * digit / h, 5.4 * digit / h**2, 54.0 * digit / h**3
+    for j in range(dim):
+        size = abs(q[1, j])
+        out[j] = first * size * per_limit[0, j]
+        out[dim + 2 + j] = second * size * per_limit[1, j]
+        out[2 * dim + 3 + j] = third * size * per_limit[2, j]
+    speed = 0.0
+    for j in range(tip.shape[1]):
+        speed += tip[1, j] ** 2
+    speed = np.sqrt(speed)
+    out[dim] = first * speed / feed
+    out[2 * dim + 2] = second * speed / scalars[2]
+    out[3 * dim + 3] = third * speed / scalars[3]
+
+
+@njit(forceinline=True, error_model="numpy")
+def _peak(values, points, granted):
+    """Largest value of a row of ``points`` + 1 equidistant ones less what is granted, and whether that may be too low.
+
+    A peak between points is that of the parabola through three; it is off by up to 0.07 of the third difference.
+    """
+    top, doubtful = values[0], False
+    for n in range(1, points + 1):
+        top = max(top, values[n])
+        if n < 2:
+            continue
+        before, here, after = values[n - 2], values[n - 1], values[n]
+        bend, lean = before - 2.0 * here + after, before - after
+        # The vertex is nearest to the middle one, or at an end of the interval to its first or last point.
+        outer = (n == 2 and lean > 0.0) or (n == points and lean < 0.0)
+        if bend < 0.0 and abs(lean) <= (-2.0 * bend if outer else -bend):
+            top = max(top, here - lean * lean / (8.0 * bend))
+        if n >= 3:
+            third = after - 3.0 * here + 3.0 * before - values[n - 3]
+            error = _PARABOLA * abs(third)
+            # Either parabola rises by at most an eighth of its second difference above its points.
+            highest = max(values[n - 3], before, here, after) - 0.125 * min(bend, bend - third, 0.0) + error
+            doubtful = doubtful or (error > _PRECISE and highest > 1.0 + granted)
+    return top - granted, doubtful
+
+
+@njit(NOTHING(PIECES, PIECES, FLAG, READ2, READ2, READ2, READ1, WRITE2), cache=True, error_model="numpy")
+def shares(axes, tip, cartesian, quintic, spans, rows, scalars, out):
+    """Write the largest share of speed, acceleration and jerk limits used in each interval into ``out (4, n)``.
+
+    The fourth row is the largest rate at which u falls back, 1/s.
+
+    ``axes``, ``tip``: pieces of the machine axes and of the tool tip, the same ones if ``cartesian``.  On interval i the
+    parameter u is ``quintic[:, i]`` (ascending powers of the time since its start); ``spans[:, i]`` are its duration, its
+    smallest and largest u, the end of its stretch between breaks, what a digit of the law is worth in u, the feed limit,
+    and into how many equal parts it is cut to be looked at: into twice as many, at most _MOST_PARTS, until the parabolas
+    between points tell whether a limit is kept.  ``rows (3, dim)``: velocity, acceleration and jerk limits; ``scalars``:
+    chord error, period, tangential acceleration and jerk.
+    """
+    dim, count = rows.shape[1], 3 * rows.shape[1] + 4
+    values, new = np.empty((count, _MOST_PARTS + 1)), np.empty(count)
+    per_limit, granted = 1.0 / rows, np.zeros(count)
+    q = np.empty((4, dim))
+    p = q if cartesian else np.empty((4, tip[1].shape[1] - 1))
+    piece = tip_piece = 0
+    for i in range(spans.shape[1]):
+        h, first, last, stretch_end, feed = spans[0, i], spans[1, i], spans[2, i], spans[3, i], spans[5, i]
+        c0, c1, c2, c3, c4, c5 = (
+            quintic[0, i],
+            quintic[1, i],
+            quintic[2, i],
+            quintic[3, i],
+            quintic[4, i],
+            quintic[5, i],
+        )
+        points, doubtful = int(spans[6, i]), True
+        out[3, i] = 0.0
+        while doubtful:
+            for n in range(points + 1):
+                w = h * n / points
+                u = min(max(c0 + w * (c1 + w * (c2 + w * (c3 + w * (c4 + w * c5)))), first), last)
+                if n == 0:
+                    u = first
+                elif n == points:
+                    u = last
+                u1 = c1 + w * (2.0 * c2 + w * (3.0 * c3 + w * (4.0 * c4 + w * 5.0 * c5)))
+                u2 = 2.0 * c2 + w * (6.0 * c3 + w * (12.0 * c4 + w * 20.0 * c5))
+                u3 = 6.0 * c3 + w * (24.0 * c4 + w * 60.0 * c5)
+                out[3, i] = max(out[3, i], -u1)
+                # A point that rounds to the end of its stretch must not be read from beyond it.
+                left = u >= stretch_end
+                piece = point_on_pieces(axes[0], axes[1], axes[2], axes[3], axes[4], u, left, piece, q)
+                if not cartesian:
+                    tip_piece = point_on_pieces(tip[0], tip[1], tip[2], tip[3], tip[4], u, left, tip_piece, p)
+                _shares_at(q, p, u1, u2, u3, feed, per_limit, scalars, new)
+                if n == 0:
+                    _grant(q, p, spans[4, i], h, feed, per_limit, scalars, granted)
+                for k in range(count):
+                    values[k, n] = new[k]
+            out[0, i] = out[1, i] = out[2, i] = 0.0
+            doubtful = False
+            for k in range(count):
+                kind = 0 if k < dim + 2 else (1 if k < 2 * dim + 3 else 2)
+                top, unsure = _peak(values[k], points, granted[k])
+                out[kind, i] = max(out[kind, i], top)
+                doubtful = doubtful or unsure
+            doubtful = doubtful and points < _MOST_PARTS
+            points = min(2 * points, _MOST_PARTS)
+
+
+@njit(NOTHING(WRITE1, READ1), cache=True)
+def limit_growth(values, steps):
+    """Lower each value to at most either neighbour's plus the step between them, ``steps (n - 1,)``.
+
+    One by one: sums over all steps would swamp the small ones.
+    """
+    for i in range(1, values.size):
+        values[i] = min(values[i], values[i - 1] + steps[i - 1])
+    for i in range(values.size - 2, -1, -1):
+        values[i] = min(values[i], values[i + 1] + steps[i])
+
+
+@njit(NOTHING(READ1, READ1, WRITE1), cache=True)
+def follow(values, bands, out):
+    """Follow the values as lazily as the bands around them allow, from 0 on."""
+    last = 0.0
+    for i in range(values.size):
+        last = min(max(last, values[i] - bands[i]), values[i] + bands[i])
+        out[i] = last

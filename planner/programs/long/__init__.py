@@ -1,0 +1,1 @@
+"""Part programs of any length, planned in windows."""

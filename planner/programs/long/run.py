@@ -1,0 +1,225 @@
+"""A run: part of the path of a program, which can be cut between its pieces and joined to the run that follows.
+
+A run begins at the parameter 0.  With its curve it keeps the abscissa along the program and where in it the blocks lie.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.geometry.blend import Blends, Legs
+from planner.geometry.chain import ChainCurve, Kind
+from planner.geometry.curve import FeedCaps
+from planner.types import FloatArray
+
+_INTERVALS = np.array([4, 200, 4])  # that resolve a leg, a blend and a span
+_SAME = 1e-9  # mm
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """Part of a path.
+
+    Attributes
+    ----------
+    curve : ChainCurve
+        From the parameter 0, mm.
+    s : (m + 1,) array
+        Programmed abscissae at the edges of the curve, from the start of the run, mm.
+    row : (k,) int array
+        Moves of the program that the run covers, the first and the last of them perhaps in part.
+    u : (k + 1,) array
+        Curve parameters at which they begin and end.
+    feed : (k,) array
+        Cap on the feed in each, mm/s.
+    """
+
+    curve: ChainCurve
+    s: FloatArray
+    row: NDArray[np.intp]
+    u: FloatArray
+    feed: FloatArray
+
+    @property
+    def length(self) -> float:
+        """Range of the parameter, mm."""
+        return float(self.curve.edges[-1])
+
+    @property
+    def intervals(self) -> NDArray[np.intp]:
+        """How many intervals of a plan resolve the pieces, (m,)."""
+        return np.asarray(_INTERVALS[self.curve.kind])
+
+    @property
+    def stops(self) -> NDArray[np.intp]:
+        """Indices of the edges at which the path stops."""
+        return np.searchsorted(self.curve.edges, self.curve.stops)
+
+    def pieces(self, first: int, last: int) -> Run:
+        """Cut out the pieces from ``first`` to before ``last``."""
+        curve = self.curve
+        u0, u1 = curve.edges[[first, last]]
+        inside = slice(first, last)
+        kind, old = curve.kind[inside], curve.row[inside]
+        row = np.zeros(old.size, dtype=np.intp)
+        used = {}
+        for one in Kind:
+            on = kind == one
+            used[one], row[on] = np.unique(old[on], return_inverse=True)
+
+        def within(values: FloatArray) -> FloatArray:
+            return np.asarray(values[(values > u0) & (values < u1)] - u0)
+
+        blends = curve.blends
+        if blends is not None:
+            some = used[Kind.BLEND]
+            before, after, size = blends.before.taken(some), blends.after.taken(some), blends.size[some]
+            blends = Blends.between(before, after, size) if some.size else None
+        part = replace(
+            curve,
+            edges=curve.edges[first : last + 1] - u0,
+            kind=kind,
+            row=row,
+            offset=curve.offset[inside],
+            legs=curve.legs.taken(used[Kind.LEG]),
+            blends=blends,
+            spans=curve.spans[used[Kind.SPAN]],
+            joints=within(curve.joints),
+            stops=within(curve.stops),
+            marks=within(curve.marks),
+            feed_caps=None,
+        )
+        i = int(np.searchsorted(self.u, u0, side="right")) - 1
+        j = int(np.searchsorted(self.u, u1, side="left"))
+        u = np.concatenate([[0.0], self.u[i + 1 : j] - u0, [u1 - u0]])
+        return Run(part, self.s[first : last + 1] - self.s[first], self.row[i:j], u, self.feed[i:j])
+
+    def joined(self, other: Run, *, rests: bool) -> Run:
+        """Append the run that follows; ``rests``: the path stops between them."""
+        a, b, at = self.curve, other.curve, self.length
+        before = {Kind.LEG: a.legs.rates.shape[0], Kind.BLEND: _count(a.blends), Kind.SPAN: a.spans.shape[0]}
+        shift = np.array([before[one] for one in Kind])
+        legs = _appended(a.legs, b.legs)
+        blends = a.blends if b.blends is None else b.blends
+        if a.blends is not None and b.blends is not None:
+            blends = Blends.between(
+                _appended(a.blends.before, b.blends.before),
+                _appended(a.blends.after, b.blends.after),
+                np.concatenate([a.blends.size, b.blends.size]),
+            )
+        # A block that the joint cuts in two is one block.
+        same = bool(self.row[-1] == other.row[0])
+        changes = not same and self.feed[-1] != other.feed[0]
+        curve = replace(
+            a,
+            edges=np.concatenate([a.edges, at + b.edges[1:]]),
+            kind=np.concatenate([a.kind, b.kind]),
+            row=np.concatenate([a.row, b.row + shift[b.kind]]),
+            offset=np.concatenate([a.offset, b.offset]),
+            legs=legs,
+            blends=blends,
+            spans=np.concatenate([a.spans, b.spans]),
+            joints=np.concatenate([a.joints, [at], at + b.joints]),
+            stops=np.concatenate([a.stops, [at] if rests else [], at + b.stops]),
+            marks=np.concatenate([a.marks, [at] if changes else [], at + b.marks]),
+        )
+        return Run(
+            curve,
+            np.concatenate([self.s, self.s[-1] + other.s[1:]]),
+            np.concatenate([self.row, other.row[same:]]),
+            np.concatenate([self.u[: -1 if same else None], at + other.u[1:]]),
+            np.concatenate([self.feed, other.feed[same:]]),
+        )
+
+    def with_caps(self) -> ChainCurve:
+        """The curve with the feed caps of its blocks."""
+        first = np.concatenate([[0], 1 + np.flatnonzero(self.feed[1:] != self.feed[:-1])])
+        return replace(self.curve, feed_caps=FeedCaps(np.append(self.u[first], self.u[-1]), self.feed[first]))
+
+    def arrays(self) -> dict[str, FloatArray]:
+        """Everything the run is made of, by name."""
+        curve = self.curve
+        out = {name: getattr(curve, name) for name in ("edges", "kind", "offset", "spans", "joints", "stops", "marks")}
+        out |= {"piece_row": curve.row, "s": self.s, "row": self.row, "u": self.u, "feed": self.feed}
+        parts = {"legs": curve.legs}
+        if curve.blends is not None:
+            parts |= {"before": curve.blends.before, "after": curve.blends.after}
+            out["size"] = curve.blends.size
+        for name, legs in parts.items():
+            out |= {f"{name}_vectors": legs.vectors, f"{name}_rates": legs.rates}
+        return out
+
+    @classmethod
+    def of_arrays(cls, arrays: dict[str, FloatArray], axes: tuple[str, ...], name: str) -> Run:
+        """The run that :meth:`arrays` came from."""
+        blends = None
+        if "size" in arrays:
+            before, after = (Legs(arrays[f"{part}_vectors"], arrays[f"{part}_rates"]) for part in ("before", "after"))
+            blends = Blends.between(before, after, arrays["size"])
+        names = ("edges", "kind", "offset", "spans", "joints", "stops", "marks")
+        curve = ChainCurve(
+            **{key: arrays[key] for key in names},  # type: ignore[arg-type]
+            row=np.asarray(arrays["piece_row"], dtype=np.intp),
+            legs=Legs(arrays["legs_vectors"], arrays["legs_rates"]),
+            blends=blends,
+            axes=axes,
+            name=name,
+        )
+        return cls(curve, arrays["s"], np.asarray(arrays["row"], dtype=np.intp), arrays["u"], arrays["feed"])
+
+
+def cut_run(
+    curve: ChainCurve,
+    s_edges: FloatArray,
+    blocks: tuple[FloatArray, FloatArray, int],
+    start: float,
+    end: float,
+) -> Run:
+    """The run of a path from one abscissa to another, each at an edge or on a leg.
+
+    Parameters
+    ----------
+    curve : ChainCurve
+    s_edges : (m + 1,) array
+        Programmed abscissae at its edges, mm.
+    blocks : tuple
+        Abscissae at which blocks begin and end (k + 1,), their feed caps (k,), and the row of the first.
+    start, end : float
+        mm.
+    """
+    edges, feed, first = blocks
+    u_edges = curve.edges
+    whole = Run(curve, s_edges, np.arange(first, first + feed.size), np.interp(edges, s_edges, u_edges), feed)
+    for s in (start, end):
+        whole = _split_leg(whole, s)
+    i = int(np.searchsorted(whole.s, start + _SAME, side="right")) - 1
+    j = int(np.searchsorted(whole.s, end - _SAME, side="left"))
+    return whole.pieces(i, j)
+
+
+def _split_leg(run: Run, s: float) -> Run:
+    """Cut a leg in two at an abscissa, unless there is an edge."""
+    i = int(np.searchsorted(run.s, s + _SAME, side="right")) - 1
+    if i >= run.curve.kind.size or s - run.s[i] <= _SAME or run.s[i + 1] - s <= _SAME:
+        return run
+    curve, along = run.curve, s - run.s[i]
+    assert curve.kind[i] == Kind.LEG
+    split = replace(
+        curve,
+        edges=np.insert(curve.edges, i + 1, curve.edges[i] + along),
+        kind=np.insert(curve.kind, i + 1, Kind.LEG),
+        row=np.insert(curve.row, i + 1, curve.row[i]),
+        offset=np.insert(curve.offset, i + 1, curve.offset[i] + along),
+    )
+    return replace(run, curve=split, s=np.insert(run.s, i + 1, s))
+
+
+def _count(blends: Blends | None) -> int:
+    return 0 if blends is None else int(blends.size.size)
+
+
+def _appended(a: Legs, b: Legs) -> Legs:
+    return Legs(np.concatenate([a.vectors, b.vectors]), np.concatenate([a.rates, b.rates]))

@@ -1,0 +1,427 @@
+"""The smoothest spline within a tube around a stretch of the programmed path.
+
+A quartic B-spline q(s) with simple knots (C3), parametrised by the programmed abscissa s, minimises
+
+    1/2 integral w |q'''|^2 ds,     w = v^5 / J^2,
+
+the square of the jerk used at the speed v, weighted by time, subject at the vertices and at samples of every interval to
+
+    |n . (q - p)| <= tol,     |t . (q - p)| <= 2 tol.
+
+In space four normals n, 45 degrees apart, with tol cos 22.5 deg keep q in an octagon within the circle.
+
+Rules
+
+1.  Knots.  H(s), the spacing, is small where the path bends: see ``knots``.  Knots are equidistant in the integral of
+    ds/H, one on every sharp vertex, which treats both directions of travel alike.
+2.  Start from c_i = p(Greville abscissa), which lies in the tube nearly everywhere.
+3.  Banded primal-dual interior point, Mehrotra's predictor and corrector.  Every row may be exceeded by an elastic e >= 0
+    at a price, so that an infeasible tube ends with the least excess and is seen by the check, instead of failing here.
+    Slacks, elastics and multipliers are eliminated row by row; what remains is H + sum D_k a_k a_k^T, half-bandwidth 5d - 1.
+4.  The ends: position, tangent and curvature of the path where it goes on (the first three control points), the third
+    derivative too where another tube goes on, the position alone where the path stops.
+
+The price of a row is bounded by the penalty, hence the iteration cannot diverge; the tube is not the exact set of curves
+within the tolerance (tangential slip, samples), hence the accepted curve is the one that ``deviation`` has measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.geometry.curve import dot
+from planner.types import FloatArray
+
+DEGREE = 4
+_SAMPLES = (1.0 / 6.0, 0.5, 5.0 / 6.0)  # of an interval
+_OCTAGON = float(np.cos(np.pi / 8.0))
+_SLIP = 2.0  # tangential half-width, in tolerances
+_GAP = 1e-4
+_MAX_ITERATIONS = 60
+_TO_BOUNDARY = 0.99
+_PENALTY = 1e3
+_BOOSTS = (0.0, 1e-13, 1e-11, 1e-9)
+_ROWS_AT_VERTICES = 6  # of an interval at first
+
+
+@dataclass(frozen=True, eq=False)
+class Tube:
+    """What a tube is built of.
+
+    Attributes
+    ----------
+    knots : (n + 1,) array
+        Distinct knots, mm of programmed abscissa.
+    abscissa : (m,) array
+        Where the rows are, increasing.
+    point : (m, d) array
+        Programmed points there.
+    tangent : (m, d) array
+        Unit tangents; at a vertex the mean direction.
+    half_width : (m,) array
+        Tolerance of each row, mm.
+    start, end : (k, d) array
+        Position and k - 1 derivatives at the ends, k from 1 to 4.
+    initial : (n + 4, d) array
+        Control points to start from.
+    weight : (n,) array
+        w on every interval, any unit.
+    """
+
+    knots: FloatArray
+    abscissa: FloatArray
+    point: FloatArray
+    tangent: FloatArray
+    half_width: FloatArray
+    start: FloatArray
+    end: FloatArray
+    initial: FloatArray
+    weight: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Spline:
+    """A quartic spline in power form: ``knots (n + 1,)`` and ``powers (n, d, 5)`` of the local parameter in [0, 1]."""
+
+    knots: FloatArray
+    powers: FloatArray
+    control: FloatArray
+    iterations: int
+
+    def derivatives(self, s: FloatArray) -> FloatArray:
+        """Value and three derivatives (4, n, d) at s (n,), right-sided at knots."""
+        from planner.geometry.chain import span_derivatives
+
+        i = np.clip(np.searchsorted(self.knots, s, side="right") - 1, 0, self.powers.shape[0] - 1)
+        width = (self.knots[i + 1] - self.knots[i])[:, None]
+        return span_derivatives(self.powers[i], (s - self.knots[i])[:, None] / width, width)
+
+
+def full_knots(knots: FloatArray) -> FloatArray:
+    """The knot vector with its ends repeated, (n + 9,)."""
+    return np.concatenate([[knots[0]] * DEGREE, knots, [knots[-1]] * DEGREE])
+
+
+def greville(knots: FloatArray) -> FloatArray:
+    """Greville abscissae of the control points, (n + 4,)."""
+    full = full_knots(knots)
+    count = full.size - DEGREE - 1
+    return np.asarray(sum(full[1 + k : 1 + k + count] for k in range(DEGREE)) / DEGREE)
+
+
+def basis_powers(knots: FloatArray) -> FloatArray:
+    """The five B-splines of every interval as polynomials of its local parameter, (n, 5, 5): interval, B-spline, power.
+
+    Cox-de Boor on coefficients: N_j,p = (s - k_j)/(k_j+p - k_j) N_j,p-1 + (k_j+p+1 - s)/(k_j+p+1 - k_j+1) N_j+1,p-1.
+    """
+    full = full_knots(knots)
+    n = knots.size - 1
+    span = np.arange(n) + DEGREE
+    low, width = knots[:-1], np.diff(knots)
+    out = np.zeros((n, DEGREE + 1, DEGREE + 1))
+    out[:, 0, 0] = 1.0
+    for p in range(1, DEGREE + 1):
+        raised = np.zeros_like(out)
+        for r in range(p + 1):  # B-spline span - p + r of degree p
+            j = span - p + r
+            if r > 0:
+                gap = full[j + p] - full[j]
+                raised[:, r, : p + 1] += ((low - full[j]) / gap)[:, None] * out[:, r - 1, : p + 1]
+                raised[:, r, 1 : p + 1] += (width / gap)[:, None] * out[:, r - 1, :p]
+            if r < p:
+                gap = full[j + p + 1] - full[j + 1]
+                raised[:, r, : p + 1] += ((full[j + p + 1] - low) / gap)[:, None] * out[:, r, : p + 1]
+                raised[:, r, 1 : p + 1] -= (width / gap)[:, None] * out[:, r, :p]
+        out = raised
+    return out
+
+
+def samples_of(knots: FloatArray, vertices: FloatArray) -> FloatArray:
+    """Where the rows go: samples of every interval, and the vertices inside; of many, some evenly chosen."""
+    inner = knots[:-1, None] + np.diff(knots)[:, None] * np.array(_SAMPLES)
+    inside = vertices[(vertices > knots[0]) & (vertices < knots[-1])]
+    interval = np.searchsorted(knots, inside, side="right") - 1
+    count = np.bincount(interval, minlength=knots.size - 1)
+    number = np.arange(inside.size) - (np.cumsum(count) - count)[interval]
+    stride = np.ceil(count / _ROWS_AT_VERTICES).astype(np.intp)[interval]
+    return np.union1d(inner.reshape(-1), inside[number % stride == stride // 2])
+
+
+def smoothest(tube: Tube) -> Spline:
+    """Solve a tube.
+
+    Where rounding stops the iteration early, the spline is the last iterate: inside the tube, and less smooth.
+    """
+    basis = basis_powers(tube.knots)
+    rows = _Rows.of(tube, basis)
+    objective = _objective(tube, basis)
+    control = tube.initial.copy()
+    fixed = _fix_ends(tube, control)
+    point = _interior_point(tube, rows, objective, control, fixed)
+    index = np.arange(basis.shape[0])[:, None] + np.arange(DEGREE + 1)
+    powers = np.einsum("nip,nid->ndp", basis, control[index])
+    return Spline(tube.knots, powers, control, point)
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Rows a_k of the tube, scaled to half-width 1: first control point, coefficients (m, 5 d), offsets a_k . c - r_k."""
+
+    first: NDArray[np.int64]
+    rows: FloatArray
+    offset: FloatArray
+    dim: int
+
+    @classmethod
+    def of(cls, tube: Tube, basis: FloatArray) -> _Rows:
+        """Normals first, then the tangents."""
+        dim = tube.point.shape[1]
+        i = np.clip(np.searchsorted(tube.knots, tube.abscissa, side="right") - 1, 0, basis.shape[0] - 1)
+        w = (tube.abscissa - tube.knots[i]) / (tube.knots[i + 1] - tube.knots[i])
+        value = np.einsum("nip,np->ni", basis[i], w[:, None] ** np.arange(DEGREE + 1))
+        normals, share = _normals(tube.tangent)
+        directions = [normal / (share * tube.half_width[:, None]) for normal in normals]
+        directions.append(tube.tangent / (_SLIP * tube.half_width[:, None]))
+        stacked = np.concatenate([(value[:, :, None] * d[:, None, :]).reshape(w.size, -1) for d in directions])
+        offset = np.concatenate([np.sum(d * tube.point, axis=1) for d in directions])
+        first = np.tile(i, len(directions)).astype(np.int64)
+        order = np.argsort(first, kind="stable")
+        return cls(first[order], np.ascontiguousarray(stacked[order]), offset[order], dim)
+
+    def values(self, control: FloatArray) -> FloatArray:
+        """a_k . c - offset."""
+        return self.products(control) - self.offset
+
+    def products(self, x: FloatArray) -> FloatArray:
+        """a_k . x."""
+        from planner.programs.path import path_kernels as kernels
+
+        out = np.empty(self.first.size)
+        kernels.apply_rows(self.first, self.rows, np.ascontiguousarray(x).reshape(-1), self.dim, out)
+        return out
+
+    def transposed(self, y: FloatArray, size: int) -> FloatArray:
+        """sum_k y_k a_k."""
+        from planner.programs.path import path_kernels as kernels
+
+        out = np.zeros(size)
+        kernels.add_transposed(self.first, self.rows, np.ascontiguousarray(y), self.dim, out)
+        return out
+
+
+def _normals(tangent: FloatArray) -> tuple[list[FloatArray], float]:
+    """Unit normals of the tangents (m, d), and the share of the tolerance that each may use."""
+    if tangent.shape[1] == 2:
+        return [np.column_stack([-tangent[:, 1], tangent[:, 0]])], 1.0
+    least = np.eye(3)[np.argmin(np.abs(tangent), axis=1)]
+    n1 = np.cross(tangent, least)
+    n1 /= np.sqrt(np.sum(n1**2, axis=1))[:, None]
+    n2 = np.cross(tangent, n1)
+    half = np.sqrt(0.5)
+    return [n1, n2, half * (n1 + n2), half * (n1 - n2)], _OCTAGON
+
+
+def _objective(tube: Tube, basis: FloatArray) -> FloatArray:
+    """Band (5 d, N) of the integral of w |q'''|^2, by two Gauss points an interval, which is exact."""
+    from planner.programs.path import path_kernels as kernels
+
+    dim = tube.point.shape[1]
+    n = basis.shape[0]
+    width = np.diff(tube.knots)
+    band = np.zeros(((DEGREE + 1) * dim, (n + DEGREE) * dim))
+    first = np.arange(n, dtype=np.int64)
+    for gauss in (0.5 - np.sqrt(1.0 / 12.0), 0.5 + np.sqrt(1.0 / 12.0)):
+        third = (6.0 * basis[:, :, 3] + 24.0 * gauss * basis[:, :, 4]) / width[:, None] ** 3
+        for j in range(dim):
+            rows = np.zeros((n, DEGREE + 1, dim))
+            rows[:, :, j] = third
+            kernels.add_rows(first, rows.reshape(n, -1), 0.5 * tube.weight * width, dim, band)
+    return band
+
+
+def _fix_ends(tube: Tube, control: FloatArray) -> NDArray[np.intp]:
+    """Set the control points that the ends determine, one for each derivative given; returns their indices.
+
+    The k-th derivative at a clamped end is the first control point of the k-times differenced spline: from the derivatives
+    the control points follow level by level.  Signed steps serve both ends.
+    """
+    fixed: list[int] = []
+    for data, at, inward, steps in (
+        (tube.start, 0, 1, tube.knots[1:4] - tube.knots[0]),
+        (tube.end, control.shape[0] - 1, -1, (tube.knots[-4:-1] - tube.knots[-1])[::-1]),
+    ):
+        # level[k] holds the first control points of the k-th derivative, as many as are known so far
+        level = [data[0]]
+        control[at] = data[0]
+        fixed.append(at)
+        for k in range(1, data.shape[0]):
+            # c_(i+1) of level j is c_i + step * (c_i of level j + 1); the outermost difference is the new derivative
+            following = [data[k]]
+            for j in range(k - 1, -1, -1):
+                gap = steps[k - 1 - j]
+                following.append(level[j] + following[-1] * gap / (DEGREE - j))
+            level = following[::-1]
+            control[at + k * inward] = level[0]
+            fixed.append(at + k * inward)
+    return np.unique(np.array(fixed, dtype=np.intp))
+
+
+def _interior_point(
+    tube: Tube, rows: _Rows, objective: FloatArray, control: FloatArray, fixed: NDArray[np.intp]
+) -> int:
+    """Minimise over the control points in place; returns the number of iterations."""
+    from planner.programs.path import path_kernels as kernels
+
+    dim, size = rows.dim, control.size
+    frozen = (fixed[:, None] * dim + np.arange(dim)).reshape(-1)
+    # Scaled so that moving by the tolerance is felt like one unit of the objective.
+    scale = 1.0 / float(np.median(objective[0]) * np.median(tube.half_width) ** 2)
+    objective = objective * scale
+    x = control.reshape(-1)
+    gradient = np.empty(size)
+    kernels.apply_band(objective, x, gradient)
+    value = rows.values(control)
+    state = _State.start(value, 0.5 * float(dot(gradient, x)))
+    for count in range(1, _MAX_ITERATIONS + 1):
+        dual = gradient + rows.transposed(state.z1 - state.z2, size)
+        dual[frozen] = 0.0
+        band = objective.copy()
+        kernels.add_rows(rows.first, rows.rows, state.curvature(), dim, band)
+        solve = _factor(band, frozen)
+        if solve is None:
+            return count
+        # predictor
+        rhs, offsets = state.condense(value, 0.0, None)
+        dx = solve(-dual - rows.transposed(rhs, size), frozen)
+        affine = state.step(rows.products(dx), offsets)
+        reach_p, reach_d = state.lengths(affine, 1.0)
+        gap = state.gap
+        after = state.gap_after(affine, reach_p, reach_d)
+        centring = min(1.0, max((after / gap) ** 3, 1e-5))
+        # corrector
+        rhs, offsets = state.condense(value, centring * gap / (3.0 * state.e.size), affine)
+        dx = solve(-dual - rows.transposed(rhs, size), frozen)
+        step = state.step(rows.products(dx), offsets)
+        reach_p, reach_d = state.lengths(step, _TO_BOUNDARY)
+        x += reach_p * dx
+        state.advance(step, reach_p, reach_d)
+        value = rows.values(control)
+        kernels.apply_band(objective, x, gradient)
+        cost = 0.5 * float(dot(gradient, x))
+        if state.gap <= _GAP * max(cost, 1e-12) and state.infeasibility(value) <= 1e-6:
+            return count
+    return _MAX_ITERATIONS
+
+
+def _factor(band: FloatArray, frozen: NDArray[np.intp]) -> Callable[[FloatArray, NDArray[np.intp]], FloatArray] | None:
+    """Factor the Newton system, frozen unknowns left out; None where rounding has the better of it."""
+    from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
+
+    for j in frozen:
+        for i in range(1, band.shape[0]):
+            band[i, j] = 0.0
+            if j - i >= 0:
+                band[i, j - i] = 0.0
+        band[0, j] = 1.0
+    for boost in _BOOSTS:  # what rounding takes from the smallest pivots
+        try:
+            raised = band.copy()
+            raised[0] *= 1.0 + boost
+            factor = cholesky_banded(raised, lower=True, overwrite_ab=True, check_finite=False)
+            break
+        except LinAlgError:
+            continue
+    else:
+        return None
+
+    def solve(rhs: FloatArray, frozen: NDArray[np.intp]) -> FloatArray:
+        rhs[frozen] = 0.0
+        return np.asarray(cho_solve_banded((factor, True), rhs, check_finite=False))
+
+    return solve
+
+
+class _State:
+    """Slacks s1 = 1 + e - r and s2 = 1 + e + r, elastics e and the multipliers z1, z2, y of the rows, all positive."""
+
+    def __init__(self, s1: FloatArray, s2: FloatArray, e: FloatArray, z1: FloatArray, z2: FloatArray, price: float):
+        self.s1, self.s2, self.e, self.z1, self.z2 = s1, s2, e, z1, z2
+        self.price = price
+        self.y = np.full(e.size, price)
+
+    @classmethod
+    def start(cls, value: FloatArray, cost: float) -> _State:
+        """Strictly inside, complementarity the share of each row in the objective."""
+        e = np.maximum(np.abs(value) - 0.9, 0.0) + 0.01
+        mu = max(cost, 1e-8) / (2.0 * value.size)
+        s1, s2 = 1.0 + e - value, 1.0 + e + value
+        z1, z2 = mu / s1, mu / s2
+        price = _PENALTY * max(float(np.max(z1 + z2)), cost, 1e-8)
+        return cls(s1, s2, e, z1, z2, price)
+
+    @property
+    def gap(self) -> float:
+        """Sum of all complementarity products."""
+        return float(dot(self.s1, self.z1) + dot(self.s2, self.z2) + dot(self.e, self.y))
+
+    def infeasibility(self, value: FloatArray) -> float:
+        """Largest violation of the definitions of the slacks."""
+        return float(np.abs(self.s1 - (1.0 + self.e - value)).max(initial=0.0))
+
+    def curvature(self) -> FloatArray:
+        """D_k: what is left of a row's complementarity when its slacks and its elastic are eliminated."""
+        d1, d2 = self.z1 / self.s1, self.z2 / self.s2
+        return d1 + d2 - (d1 - d2) ** 2 / (d1 + d2 + self.y / self.e)
+
+    def condense(
+        self, value: FloatArray, mu: float, affine: tuple[FloatArray, ...] | None
+    ) -> tuple[FloatArray, tuple[FloatArray, ...]]:
+        """Right-hand side of every row, and what the back-substitution needs."""
+        m1, m2, m3 = mu - self.s1 * self.z1, mu - self.s2 * self.z2, mu - self.e * self.y
+        if affine is not None:
+            ds1, ds2, de, dz1, dz2, dy = affine
+            m1, m2, m3 = m1 - ds1 * dz1, m2 - ds2 * dz2, m3 - de * dy
+        p1 = value - 1.0 - self.e + self.s1
+        p2 = -value - 1.0 - self.e + self.s2
+        py = self.price - self.z1 - self.z2 - self.y
+        d1, d2 = self.z1 / self.s1, self.z2 / self.s2
+        g1, g2 = (m1 + self.z1 * p1) / self.s1, (m2 + self.z2 * p2) / self.s2
+        total = d1 + d2 + self.y / self.e
+        h0, h1 = (m3 / self.e + g1 + g2 - py) / total, (d1 - d2) / total
+        return g1 - g2 - (d1 - d2) * h0, (p1, p2, py, g1, g2, h0, h1, d1, d2)
+
+    def step(self, dr: FloatArray, parts: tuple[FloatArray, ...]) -> tuple[FloatArray, ...]:
+        """Steps of s1, s2, e, z1, z2, y that go with the step dr of the rows."""
+        p1, p2, py, g1, g2, h0, h1, d1, d2 = parts
+        de = h0 + h1 * dr
+        dz1, dz2 = g1 + d1 * (dr - de), g2 - d2 * (dr + de)
+        return -p1 - dr + de, -p2 + dr + de, de, dz1, dz2, py - dz1 - dz2
+
+    def lengths(self, step: tuple[FloatArray, ...], fraction: float) -> tuple[float, float]:
+        """Primal and dual step lengths that stay positive."""
+        ds1, ds2, de, dz1, dz2, dy = step
+
+        def longest(pairs: list[tuple[FloatArray, FloatArray]]) -> float:
+            fall = max(float(np.max(-d / x, initial=0.0)) for x, d in pairs)
+            return min(1.0, fraction / fall) if fall > 0.0 else 1.0
+
+        return (
+            longest([(self.s1, ds1), (self.s2, ds2), (self.e, de)]),
+            longest([(self.z1, dz1), (self.z2, dz2), (self.y, dy)]),
+        )
+
+    def gap_after(self, step: tuple[FloatArray, ...], primal: float, dual: float) -> float:
+        """Sum of the products after a step."""
+        ds1, ds2, de, dz1, dz2, dy = step
+        pairs = ((self.s1, ds1, self.z1, dz1), (self.s2, ds2, self.z2, dz2), (self.e, de, self.y, dy))
+        return float(sum(dot(a + primal * da, b + dual * db) for a, da, b, db in pairs))
+
+    def advance(self, step: tuple[FloatArray, ...], primal: float, dual: float) -> None:
+        """Take the step."""
+        ds1, ds2, de, dz1, dz2, dy = step
+        self.s1, self.s2, self.e = self.s1 + primal * ds1, self.s2 + primal * ds2, self.e + primal * de
+        self.z1, self.z2, self.y = self.z1 + dual * dz1, self.z2 + dual * dz2, self.y + dual * dy

@@ -1,0 +1,168 @@
+"""A part program as arrays: one row a move, units mm and s, every modal word resolved."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.errors import InputError
+from planner.machine.limits import Limits
+from planner.types import FloatArray
+
+RAPID, LINE, ARC = 0, 1, 2
+AXES = ("X", "Y", "Z")
+_COLUMNS = (
+    "line", "kind", "start", "end", "centre", "normal", "sweep", "feed", "stop_after", "tolerance", "naive_tolerance"
+)  # fmt: skip
+# Shorter moves are none: the line is kept and takes no time.
+ZERO_LENGTH_MM = 1e-6
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happens between two moves.
+
+    Attributes
+    ----------
+    line : int
+        Line number in the file, from 1.
+    kind : str
+        "dwell", "tool_change", "tool", "spindle", "coolant", "stop", "optional_stop" or "end".
+    seconds : float
+        Length of a dwell; 0 for everything else, whose time the program does not say.
+    after_move : int
+        Index of the move it follows; -1 before the first.
+    text : str
+        The words that caused it, for example "G4 P0.5" or "M3 S12000".
+    """
+
+    line: int
+    kind: str
+    seconds: float
+    after_move: int
+    text: str
+
+
+@dataclass(frozen=True, eq=False)
+class Program:
+    """The moves of a part program in their order; all arrays are read-only, m is the number of moves.
+
+    Attributes
+    ----------
+    source : str
+        Name of the file, for messages.
+    line : (m,) int64 array
+        Line number in the file, from 1; strictly increasing.
+    kind : (m,) uint8 array
+        ``RAPID``, ``LINE`` or ``ARC`` (helices and spirals as well).
+    start, end : (m, 3) arrays
+        X, Y, Z in mm; every move starts where the one before it ends.
+    centre : (m, 3) array
+        Of an arc, mm; its coordinate along the normal is that of the start.  nan for lines and rapids.
+    normal : (m,) uint8 array
+        Axis normal to the arc's plane: 2 for G17, 1 for G18, 0 for G19.
+    sweep : (m,) array
+        Angle swept about the positive normal axis by the right-hand rule (G3 > 0, G2 < 0 in every plane), rad, at most
+        a full turn; 0 for lines and rapids.  The coordinate along the normal, and the radius where start and end
+        differ in it, are linear in the angle.
+    feed : (m,) array
+        Cap on the feed of the tool tip, mm/s; inf for rapids.  A line under G93 has its length over its time.
+    stop_after : (m,) bool array
+        The program demands an exact stop after this move.
+    tolerance : (m,) array
+        P of G64, mm: nan where none was given, 0 under G61 and G61.1.
+    naive_tolerance : (m,) array
+        Q of G64, mm; nan where none was given.
+    events : tuple of Event
+        In the order of the program.
+    zero_lines : (k,) int64 array
+        Lines whose move is shorter than ``ZERO_LENGTH_MM`` and was merged; their other words act.
+    line_count : int
+        Lines in the file.
+    axis_lines : (3,) int64 array
+        The line of the first word of X, Y and Z; 0 where there is none.
+    """
+
+    source: str
+    line: NDArray[np.int64]
+    kind: NDArray[np.uint8]
+    start: FloatArray
+    end: FloatArray
+    centre: FloatArray
+    normal: NDArray[np.uint8]
+    sweep: FloatArray
+    feed: FloatArray
+    stop_after: NDArray[np.bool_]
+    tolerance: FloatArray
+    naive_tolerance: FloatArray
+    events: tuple[Event, ...]
+    zero_lines: NDArray[np.int64]
+    line_count: int
+    axis_lines: NDArray[np.int64]
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)
+
+    def __len__(self) -> int:
+        """Number of moves."""
+        return int(self.line.size)
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of the axes the program has a word for."""
+        return tuple(name for name, line in zip(AXES, self.axis_lines, strict=True) if line > 0)
+
+    @cached_property
+    def lengths(self) -> FloatArray:
+        """Path length of every move, (m,), mm."""
+        travel = np.sqrt(np.sum((self.end - self.start) ** 2, axis=1))
+        arcs = np.flatnonzero(self.kind == ARC)
+        if arcs.size:
+            travel[arcs] = arc_lengths(
+                self.start[arcs], self.end[arcs], self.centre[arcs], self.normal[arcs], self.sweep[arcs]
+            )
+        travel.setflags(write=False)
+        return travel
+
+    def require_axes(self, limits: Limits) -> None:
+        """Raise InputError, with file and line, where the program names an axis that the machine lacks."""
+        missing = [
+            (int(line), name)
+            for name, line in zip(AXES, self.axis_lines, strict=True)
+            if line > 0 and name not in limits.axes
+        ]
+        if missing:
+            line, name = min(missing)
+            raise InputError(
+                f"{self.source}:{line}: {name}: the machine has no axis {name}; its axes are {', '.join(limits.axes)}"
+            )
+
+
+def rows_of(program: Program, rows: slice | NDArray[np.intp]) -> Program:
+    """Some moves of a program, without events."""
+    return replace(program, **{name: getattr(program, name)[rows] for name in _COLUMNS}, events=())
+
+
+def arc_lengths(
+    start: FloatArray, end: FloatArray, centre: FloatArray, normal: NDArray[np.uint8], sweep: FloatArray
+) -> FloatArray:
+    """Length of arcs, helices and spirals, (m,), mm.
+
+    On a spiral the radius goes linearly from r0 to r1; sqrt((rm sweep)^2 + (r1 - r0)^2 + h^2) with the mean radius rm
+    is exact where r0 = r1, and within (r1 - r0)^2 |sweep| / (24 rm) elsewhere.
+    """
+    rows = np.arange(start.shape[0])
+    first, second = (normal + 1) % 3, (normal + 2) % 3
+    from_centre = [
+        np.hypot(point[rows, first] - centre[rows, first], point[rows, second] - centre[rows, second])
+        for point in (start, end)
+    ]
+    mean = 0.5 * (from_centre[0] + from_centre[1])
+    along = end[rows, normal] - start[rows, normal]
+    return np.asarray(np.sqrt((mean * sweep) ** 2 + (from_centre[1] - from_centre[0]) ** 2 + along**2))

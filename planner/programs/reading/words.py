@@ -1,0 +1,191 @@
+"""A part program's file as words: a letter and a number each, with the line they stand in."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.errors import InputError
+from planner.inputs import shorten
+from planner.types import FloatArray
+
+IntArray = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+_CHUNK_BYTES = 4 * 1024**2  # bounds the memory of the tables made of it, about 30 bytes for each of these
+_MAX_LINE_BYTES = 64 * 1024  # no block is that long: what has longer lines is no part program
+_BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+O_WORDS = "O words (program numbers, subroutines, loops) are not read; delete the number, or write out the blocks"
+PARAMETERS = "parameters are not read; write the number"
+EXPRESSIONS = "expressions are not read; write the number"
+
+
+@dataclass(frozen=True, eq=False)
+class Words:
+    """The words of some lines of a file, in their order.
+
+    Attributes
+    ----------
+    letter : (n,) uint8 array
+        ASCII codes of capital letters, or of %.
+    value : (n,) array
+        The numbers as written; inf where one exceeds double precision.
+    line : (n,) int64 array
+        Line numbers in the file, from 1.
+    lines : int
+        Lines in this part of the file.
+    """
+
+    source: str
+    text: bytes
+    letter: NDArray[np.uint8]
+    value: FloatArray
+    line: IntArray
+    first: NDArray[np.int32]
+    stop: NDArray[np.int32]
+    lines: int
+
+    def word(self, index: int) -> str:
+        """The word as it stands in the file, in capitals."""
+        raw = self.text[self.first[index] : self.stop[index]]
+        return shorten("".join(raw.decode("ascii").upper().split()))
+
+
+@dataclass
+class Faults:
+    """Of all that is wrong in a part of the file, the first in the order of the file."""
+
+    words: Words
+    index: int = field(init=False)
+    reason: str = ""
+
+    def __post_init__(self) -> None:
+        self.index = self.words.line.size
+
+    def add(self, indices: IntArray, reason: str | Callable[[int], str]) -> None:
+        """Note faults of the words at these indices; the reason may depend on the place in ``indices``."""
+        if indices.size:
+            place = int(np.argmin(indices))
+            if indices[place] < self.index:
+                self.index = int(indices[place])
+                self.reason = reason if isinstance(reason, str) else reason(place)
+
+    def raise_first(self) -> None:
+        """Raise InputError for the first fault, if there is one."""
+        if self.reason:
+            line, word = int(self.words.line[self.index]), self.words.word(self.index)
+            raise InputError(f"{self.words.source}:{line}: {word}: {self.reason}")
+
+
+def read_words(path: Path) -> Iterator[tuple[Words, InputError | None]]:
+    """Read a file in parts of some megabytes; with the last part comes the error that ended it, if any.
+
+    The error is not raised here, since something in the words before it may be wrong too.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read.
+    """
+    source = path.name
+    done = 0
+    try:
+        if path.exists() and not path.is_file():
+            raise InputError(f"{path}: is not a file")
+        with open(path, "rb") as file:
+            for text, error in _parts(file):
+                if done == 0 and b"\r" in text.rstrip() and b"\n" not in text:
+                    raise InputError(f"{source}: its lines end with CR alone; save it with LF or CR LF")
+                words, fault = _scan(text, source, done)
+                done += words.lines
+                if fault is None and error:
+                    fault = InputError(f"{source}:{done}: {_excerpt(text, text.rfind(10) + 1)}: {error}")
+                yield words, fault
+    except OSError as problem:
+        raise InputError(f"{path}: cannot be read ({problem.strerror})") from None
+    except ValueError as problem:  # a null byte in the name
+        if isinstance(problem, InputError):
+            raise
+        raise InputError(f"{str(path)!r}: is not a path ({problem})") from None
+
+
+def _parts(file: BinaryIO) -> Iterator[tuple[bytes, str]]:
+    """Whole lines, some megabytes at a time; with a reason if the file has a line too long to be one."""
+    first = True
+    while text := file.read(_CHUNK_BYTES):
+        if first:
+            text, first = text.removeprefix(_BYTE_ORDER_MARK), False
+        rest = b"" if text.endswith(b"\n") else file.readline(_MAX_LINE_BYTES)
+        too_long = len(rest) == _MAX_LINE_BYTES and not rest.endswith(b"\n")
+        yield text + rest, f"a line of more than {_MAX_LINE_BYTES} characters" if too_long else ""
+
+
+def _scan(text: bytes, source: str, lines_before: int) -> tuple[Words, InputError | None]:
+    from planner.programs.reading.reader_kernels import scan_words
+
+    raw = np.frombuffer(text, dtype=np.uint8)
+    size = raw.size // 2 + 2  # a word has two characters; a % has one, which the rules let stand alone only
+    size += text.count(b"%")
+    letter, value = np.empty(size, dtype=np.uint8), np.empty(size)
+    first, stop, line = (np.empty(size, dtype=np.int32) for _ in range(3))
+    found = np.zeros(3, dtype=np.int64)
+    count = scan_words(raw, letter, value, first, stop, line, found)
+    fault = None
+    if found[0]:
+        count = int(np.searchsorted(line[:count], found[2]))  # the words before it are half a block
+        fault = InputError(f"{source}:{lines_before + 1 + found[2]}: {_complaint(text, int(found[0]), int(found[1]))}")
+    lines = text.count(b"\n") + (not text.endswith(b"\n"))
+    at = line[:count].astype(np.int64) + (lines_before + 1)
+    return Words(source, text, letter[:count], value[:count], at, first[:count], stop[:count], lines), fault
+
+
+def _complaint(text: bytes, what: int, at: int) -> str:
+    """Word and reason for a character that fits nowhere."""
+    from planner.programs.reading import reader_kernels as kernels
+
+    match what:
+        case kernels.BYTE:
+            return f"byte 0x{text[at]:02x}: not a character of a part program; the file is binary or damaged"
+        case kernels.NO_NUMBER:
+            return _unread(text, at)
+        case kernels.NO_LETTER:
+            return f"{_excerpt(text, at)}: a number needs a letter before it"
+        case kernels.OPEN_COMMENT:
+            return f"{_excerpt(text, at)}: a comment that is not closed with ) in its line, or that holds another"
+    character = chr(text[at])
+    known = {
+        "#": PARAMETERS,
+        "[": EXPRESSIONS,
+        "/": "block delete is not read; remove the block or the stroke",
+        "@": "polar coordinates are not read; write X, Y and Z",
+        "^": "polar coordinates are not read; write X, Y and Z",
+    }
+    shown = _excerpt(text, at) if character in "#[" else character
+    return f"{shown}: {known.get(character, 'no word starts with it')}"
+
+
+def _unread(text: bytes, at: int) -> str:
+    """Word and reason for a letter, at an offset, that no number follows."""
+    begin, end = text.rfind(b"\n", 0, at) + 1, (text + b"\n").find(b"\n", at)
+    name = re.match(rb"\s*(N\s*\d+\s*)?(?=O)", text[begin:end], re.IGNORECASE)
+    if name:
+        block = text[begin + name.end() : end].decode("latin-1").upper()
+        return f"{' '.join(block.split())[:20]}: {O_WORDS}"
+    shown = _excerpt(text, at)
+    if re.match(rb"\s*[-+]?\s*#", text[at + 1 : end]):
+        return f"{shown}: {PARAMETERS}"
+    if re.match(rb"\s*[-+]?\s*[A-Z]*\s*\[", text[at + 1 : end], re.IGNORECASE):
+        return f"{shown}: {EXPRESSIONS}"
+    return f"{shown}: a letter needs a number after it"
+
+
+def _excerpt(text: bytes, at: int) -> str:
+    """What stands at an offset, up to the next space, as it is."""
+    rest = text[at : at + 40].split(b"\n")[0].decode("latin-1").strip().split()
+    return shorten(rest[0].upper())[:20] if rest else "end of file"

@@ -1,0 +1,159 @@
+"""Chord errors: the true distance between the path and the chords of one period."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from planner.geometry.curve import Curve
+from planner.profile import Samples
+from planner.types import FloatArray
+from planner.verify.motion import Motion, TimeLaw, dot, norm
+from planner.verify.peaks import CANDIDATES, Highest, IntArray, chunks, zoom
+from planner.verify.report import Place
+from planner.verify.sizes import LENGTH_ACCURACY
+
+# A period is looked at in sixteenths; chords start every fourth of them.
+_CHORD_PARTS = 16
+_CHORD_STRIDE = 4
+_STARTS_PER_INTERVAL = 24
+_WORTH_A_LOOK = 1e-3  # of the chord error allowed
+
+
+def _from_segment(points: FloatArray, a: FloatArray, b: FloatArray) -> FloatArray:
+    """Distance of points (..., k, dim) from the segments a-b (..., dim)."""
+    chord = (b - a)[..., None, :]
+    from_a = points - a[..., None, :]
+    square = dot(chord, chord)
+    along = dot(from_a, chord)
+    share = np.clip(np.divide(along, square, out=np.zeros_like(along), where=square > 0.0), 0.0, 1.0)
+    return norm(from_a - share[..., None] * chord)
+
+
+def profile_chord(motion: Motion, period: float) -> tuple[float, Place]:
+    """Largest distance between the tip's path and its chord of one period, over every start of the period.
+
+    The last point is held, so the last chords are shorter.
+    """
+    law, tip = motion.law, motion.curve.tip
+    u0, u1 = motion.curve.domain
+    end = float(law.start[-1] + law.h[-1])
+    period = min(period, end)
+
+    def parameter(t: FloatArray) -> FloatArray:
+        i, x = law.at(np.minimum(t, end).reshape(-1))
+        return np.asarray(np.clip(law.value(i, x[:, None])[:, 0], u0, u1).reshape(t.shape))
+
+    def position(t: FloatArray) -> FloatArray:
+        return np.asarray(tip.derivatives(parameter(t), 0)[0])
+
+    highest = Highest()
+    for starts, points, stride in _chords(law, position, period, end):
+        height, at = _heights(points, stride, _CHORD_PARTS, starts.size)
+        highest.offer(height, at, starts)
+
+    start, share = _climb_chords(position, highest.x, highest.index / _CHORD_PARTS, period, end)
+    heights = _from_segment(position(start + share * period)[:, None], position(start), position(start + period))[:, 0]
+    best = int(heights.argmax())
+    t = min(float(start[best] + share[best] * period), end)
+    return float(heights[best]), (t, float(parameter(np.array([t]))[0]))
+
+
+def _heights(points: FloatArray, stride: int, parts: int, count: int) -> tuple[FloatArray, IntArray]:
+    """Largest distance of each of ``count`` chords, from points[i stride] to parts after it, and its point."""
+    from planner.verify.motion_kernels import chord_heights
+
+    height, top = np.empty(count), np.empty(count, dtype=np.intp)
+    chord_heights(np.ascontiguousarray(points), stride, parts, height, top)
+    return height, top
+
+
+def _chords(
+    law: TimeLaw, position: Callable[[FloatArray], FloatArray], period: float, end: float
+) -> Iterator[tuple[FloatArray, FloatArray, int]]:
+    """Starts of chords of one period, the path at equal times (points, dim), and its points from start to start.
+
+    In chunks, each chord with the points that divide its period into equal parts.  The starts are a fraction of the
+    period apart; where a plan has far more periods than nodes they follow the nodes, as nothing changes faster than
+    between two of those.
+    """
+    part = period / _CHORD_PARTS
+    count = int(np.ceil(end / (part * _CHORD_STRIDE)))
+    if count <= _STARTS_PER_INTERVAL * law.h.size + CANDIDATES:
+        for window in chunks(count, _CHORD_STRIDE):
+            k = np.arange(window[0] * _CHORD_STRIDE, window[-1] * _CHORD_STRIDE + _CHORD_PARTS + 1)
+            yield np.asarray(window * _CHORD_STRIDE * part, dtype=np.float64), position(k * part), _CHORD_STRIDE
+        return
+    within = np.arange(_STARTS_PER_INTERVAL) / _STARTS_PER_INTERVAL
+    every = (law.start[:, None] + law.h[:, None] * within).reshape(-1)
+    for window in chunks(every.size, _CHORD_PARTS + 1):
+        starts = every[window]
+        times = starts[:, None] + part * np.arange(_CHORD_PARTS + 1)
+        yield np.asarray(starts), position(times.reshape(-1)), _CHORD_PARTS + 1
+
+
+def _climb_chords(
+    position: Callable[[FloatArray], FloatArray], start: FloatArray, share: FloatArray, period: float, end: float
+) -> tuple[FloatArray, FloatArray]:
+    """Move start and place (share of the period) of each chord to the highest distance nearby."""
+    steps = np.linspace(-1.0, 1.0, 9)
+    half_start, half_share = period * _CHORD_STRIDE / _CHORD_PARTS, 1.0 / _CHORD_PARTS
+    for _ in range(12):
+        starts = np.clip(start[:, None] + half_start * steps, 0.0, end)
+        shares = np.clip(share[:, None] + half_share * steps, 0.0, 1.0)
+        points = position(starts[:, :, None] + shares[:, None, :] * period)
+        heights = _from_segment(points, position(starts), position(starts + period))
+        best = heights.reshape(start.size, -1).argmax(axis=1)
+        start = starts[np.arange(start.size), best // steps.size]
+        share = shares[np.arange(start.size), best % steps.size]
+        half_start, half_share = half_start / 3.0, half_share / 3.0  # a spacing is a quarter of the half-width
+    return start, share
+
+
+def sample_chord(
+    curve: Curve, samples: Samples, u: FloatArray, density: int, *, allowed: float, rounding: float
+) -> tuple[float, Place]:
+    """Largest distance between the tip's path and the chords between consecutive samples.
+
+    A path of length L between the ends of a chord c stays within sqrt(L^2 - c^2) / 2 of it.  Chords are looked at from the
+    largest of these bounds on, as long as they may be among the highest and a thousandth of what is ``allowed``, mm: a slow
+    program has millions that are neither.  ``rounding``: that of positions, mm.
+    """
+    tip = curve.tip
+    begin, end = u[:-1], u[1:]
+    grid = np.linspace(0.0, 1.0, density)
+
+    def between(k: IntArray, x: FloatArray) -> FloatArray:
+        lo, hi = np.minimum(begin, end)[k, None], np.maximum(begin, end)[k, None]
+        return np.asarray(tip.derivatives(np.clip(begin[k, None] + (end - begin)[k, None] * x, lo, hi), 0)[0])
+
+    def distance(k: IntArray, x: FloatArray) -> FloatArray:
+        ends = tip.derivatives(np.stack([begin[k], end[k]]), 0)[0]
+        return _from_segment(between(k, x), ends[0], ends[1])
+
+    highest = Highest()
+    bound = _within(curve, u, rounding)
+    order = np.argsort(-bound, kind="stable")
+    for some in chunks(begin.size, density):
+        k = order[some]
+        least = highest.height[-1] if highest.height.size == CANDIDATES else 0.0
+        if some[0] > 0 and bound[k[0]] < max(least, _WORTH_A_LOOK * allowed):
+            break
+        height, at = _heights(between(k, grid).reshape(k.size * density, tip.dim), density, density - 1, k.size)
+        highest.offer(height, k, grid[at])
+    top = highest.index
+    half = np.full(top.size, 1.0 / (density - 1))
+    x = zoom(lambda trial: distance(top, trial), highest.x, half, np.zeros(half.size), np.ones(half.size))
+    heights = distance(top, x[:, None])[:, 0]
+    best = int(heights.argmax())
+    first, share = int(top[best]), float(x[best])
+    place = float(samples.t[first]) + share * samples.period, float(begin[first] + (end[first] - begin[first]) * share)
+    return float(heights[best]), place
+
+
+def _within(curve: Curve, u: FloatArray, rounding: float) -> FloatArray:
+    """How far the tip's path can leave each chord between consecutive parameters, by its length, (n - 1,)."""
+    chord = norm(np.diff(curve.tip.derivatives(u, 0)[0], axis=0))
+    length = np.abs(np.diff(curve.arclength.s(u))) + LENGTH_ACCURACY * curve.length + 2.0 * rounding
+    return np.asarray(0.5 * np.sqrt(np.maximum(length - chord, 0.0)) * np.sqrt(length + chord))

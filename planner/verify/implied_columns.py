@@ -1,0 +1,186 @@
+"""The columns of a plan that follow from its time law: arc length, feed, acceleration, jerk, and the limit that binds.
+
+A node is seen from the interval after it; before a break, and at the end, from the one before it.  Everything is measured
+anew there from the curve and the time law; no column is believed.
+
+The limit named at a node must be the one of which most is used, but for ``BINDING_TOLERANCE``; "none" counts as a limit
+of which ``BINDING_SHARE`` is used, so it must be named where nothing is used more, and nowhere else.  A plan that was slowed
+down as a whole says by how much (``stats["slowed"]``); its limits count as they were used before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.geometry.curve import Curve
+from planner.machine.limits import Limits
+from planner.profile import FeedrateProfile
+from planner.types import FloatArray
+from planner.verify.motion import TimeLaw, norm
+from planner.verify.peaks import IntArray
+from planner.verify.quantities import AXIS_RATES, FIRST_AXIS, names
+
+BINDING_SHARE = 0.995  # of a limit; above this it holds the path back
+BINDING_TOLERANCE = 1e-3  # of a limit
+# What rounding on another machine may do to the columns: to arc length against that of the curve, to feed against the
+# largest, to acceleration and jerk against the terms of which they are the sum.
+_PLACE, _FEED, _RATE = 1e-9, 1e-9, 1e-9
+_SLACKS = 4.0  # as many times what the rounding of the tabulated numbers can change in a jerk
+
+
+@dataclass(frozen=True, eq=False)
+class Column:
+    """A column that follows from the time law.
+
+    Attributes
+    ----------
+    name : str
+        Attribute of the profile.
+    shown, expected : (n,) arrays
+        What the plan says and what follows from its time law.
+    granted : (n,) array
+        What they may differ by.
+    """
+
+    name: str
+    shown: FloatArray
+    expected: FloatArray
+    granted: FloatArray
+
+    @property
+    def used(self) -> FloatArray:
+        """Difference over what is granted, (n,)."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            off = np.abs(self.shown - self.expected)
+            shares = np.divide(off, self.granted, out=np.where(off > 0.0, np.inf, 0.0), where=self.granted > 0.0)
+        return np.asarray(np.nan_to_num(shares, nan=np.inf, posinf=np.inf))
+
+
+@dataclass(frozen=True, eq=False)
+class Nodes:
+    """What a plan does at its nodes: quantities as in :mod:`planner.verify.quantities`, (k, n), and their slack."""
+
+    curve: Curve
+    profile: FeedrateProfile
+    left: FloatArray
+    tip: FloatArray
+    values: FloatArray
+    slack: FloatArray
+    terms: FloatArray  # (3, n): sizes of the terms that feed, acceleration and jerk of the tip are sums of
+
+    @classmethod
+    def of(cls, curve: Curve, profile: FeedrateProfile) -> Nodes:
+        """Measure the nodes of a plan whose times increase."""
+        from planner.verify.motion_kernels import measure
+
+        law = TimeLaw.of(profile)
+        moves = np.diff(profile.t) > 0.0
+        left = ~np.append(moves, False)
+        interval = np.maximum(np.cumsum(np.append(moves, False)) - np.append(moves, False) - left, 0)
+        u = np.clip(profile.u, *curve.domain)
+        # By the compiled pieces, as whoever writes the columns: of a fitted curve these have the third derivative.
+        d = curve.pieces.evaluate(u, 3, left)
+        tip = d if curve.tip is curve else curve.tip.pieces.evaluate(u, 3, left)
+        third = law.rates(interval, left[:, None].astype(np.float64))[2, :, 0]
+        rates = np.ascontiguousarray(np.stack([profile.u_rate, profile.u_acceleration, third])[:, :, None])
+        values, slack = np.empty((2, len(names(curve.dim)), u.size, 1))
+        measure(d, tip, tip is d, rates, np.ascontiguousarray(law.slack[:, interval].T), values, slack)
+        p1, p2, p3 = (norm(tip[k]) for k in (1, 2, 3))
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            u1, u2, u3 = np.abs(rates[:, :, 0])
+            turn = np.where(p1 > 0.0, p2**2 / p1, 0.0)
+            terms = np.stack([p1 * u1, p2 * u1**2 + p1 * u2, (p3 + turn) * u1**3 + 3.0 * p2 * u1 * u2 + p1 * u3])
+        values[1:3, p1 == 0.0] = 0.0  # along the path nothing changes where the tip rests in the parameter
+        return cls(curve, profile, left, tip, values[:, :, 0], slack[:, :, 0], terms)
+
+    def columns(self) -> Iterator[Column]:
+        """Arc length, feed, acceleration and jerk along the path."""
+        profile, length = self.profile, self.curve.length or 1.0
+        place = self.curve.arclength.s(np.clip(profile.u, *self.curve.domain))
+        yield Column("s", profile.s, place, np.full(place.size, _PLACE * length))
+        scale = max(float(np.abs(profile.feed).max()), 1e-300)
+        yield Column("feed", profile.feed, self.values[0], np.full(place.size, _FEED * scale))
+        for k, name in ((1, "acceleration"), (2, "jerk")):
+            granted = _RATE * self.terms[k] + _SLACKS * self.slack[k]
+            yield Column(name, getattr(profile, name), self.values[k], granted)
+
+    def shares(self, limits: Limits) -> dict[str, tuple[FloatArray, FloatArray]]:
+        """How much of each limit is used at the nodes, and what rounding can change in that, by the limit's name.
+
+        A use that is no number counts as none.
+        """
+        profile, curve = self.profile, self.curve
+        size, none = np.abs(self.values), np.zeros(profile.t.size)
+        caps = np.full(none.size, limits.feed)
+        if curve.feed_caps is not None:
+            u = np.clip(profile.u, *curve.domain)
+            own = curve.feed_caps.at(u, np.asarray(self.left, dtype=np.bool_))
+            caps = np.where(np.isinf(own), limits.rapid, np.minimum(caps, own))
+        found = {"none": (none + BINDING_SHARE, none), "feed": (size[0] / caps, none)}
+        found["chord error"] = (_chord_share(_bend(self.tip), size[0] * limits.period, limits.chord_error), none)
+        rates = _slowed(profile) ** np.arange(4)[:, None]
+        found["feed"], found["chord error"] = ((found[name][0] * rates[1], none) for name in ("feed", "chord error"))
+        rows = [("tangential acceleration", 1, limits.tangential_acceleration, rates[2])]
+        rows += [("tangential jerk", 2, limits.tangential_jerk, rates[3])]
+        for k, name in enumerate(AXIS_RATES):
+            rows += [
+                (f"{name} {axis}", FIRST_AXIS + k * curve.dim + j, float(getattr(limits, name)[j]), rates[k + 1])
+                for j, axis in enumerate(curve.axes)
+            ]
+        with np.errstate(over="ignore", invalid="ignore"):
+            for name, row, allowed, rate in rows:
+                shares = (size[row] * rate / allowed, self.slack[row] * rate / allowed)
+                found[name] = (np.nan_to_num(shares[0]), np.nan_to_num(shares[1]))
+        return found
+
+    def misnamed(self, limits: Limits) -> IntArray:
+        """Nodes at which another limit is used more than the one that is named."""
+        profile = self.profile
+        found = self.shares(limits)
+        share = np.stack([found.get(name, (np.full(profile.t.size, -np.inf), 0.0))[0] for name in profile.limit_names])
+        every, slack = (np.stack([item[k] for item in found.values()]) for k in (0, 1))
+        known = (profile.binding >= 0) & (profile.binding < len(profile.limit_names))
+        named = share[np.where(known, profile.binding, 0), np.arange(profile.t.size)]
+        granted = BINDING_TOLERANCE + _SLACKS * np.where(every >= named - BINDING_TOLERANCE, slack, 0.0).max(axis=0)
+        return np.flatnonzero(~known | ~(named >= every.max(axis=0) - granted))
+
+
+def limit_names(curve: Curve) -> tuple[str, ...]:
+    """Every limit that a plan on a curve can name, "none" first."""
+    along = ("none", "feed", "chord error", "tangential acceleration", "tangential jerk")
+    return (*along, *(f"{name} {axis}" for name in AXIS_RATES for axis in curve.axes))
+
+
+def _slowed(profile: FeedrateProfile) -> FloatArray:
+    """By which factor the plan was slowed down at each node."""
+    factor = np.ones(profile.t.size)
+    for node, value in profile.stats.get("slowed", ()):
+        factor[node:] = value
+    return factor
+
+
+def _bend(tip: FloatArray) -> FloatArray:
+    """Curvature from the part of the second derivative that lies across the first; inf where the tip rests."""
+    square = np.sum(tip[1] ** 2, axis=-1)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        across = tip[2] - (np.sum(tip[1] * tip[2], axis=-1) / square)[:, None] * tip[1]
+        return np.where(square > 0.0, norm(across) / square, np.inf)
+
+
+def _chord_share(bend: FloatArray, chord: FloatArray, allowed: float) -> FloatArray:
+    """Share of the longest chord that stays within ``allowed`` of a circle with the curvature ``bend``.
+
+    A chord c leaves a circle of radius r by r - sqrt(r^2 - c^2 / 4); a chord as long as the circle is wide leaves it by r.
+    Without a limit nothing of it is used, however tight the circle.
+    """
+    if np.isinf(allowed):
+        return np.zeros_like(bend)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        radius = 1.0 / bend
+        error = np.minimum(allowed, radius)
+        longest = 2.0 * np.sqrt(error) * np.sqrt(2.0 * radius - error)
+        share = chord / longest
+    return np.asarray(np.where(np.isfinite(radius) & np.isfinite(share), share, 0.0))

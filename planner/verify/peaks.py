@@ -1,0 +1,73 @@
+"""The highest points of many functions at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.types import FloatArray
+
+IntArray = NDArray[np.intp]
+
+# Points evaluated at once; bounds the memory, changes no result.
+_CHUNK_POINTS = 50_000
+# Highest spans whose peaks are searched, and how: each round looks at 25 points and keeps 1.5 spacings on either side.
+CANDIDATES = 8
+_ZOOM_ROUNDS = 5
+_ZOOM_POINTS = 25
+_ZOOM_SHRINK = 8.0
+
+
+def peaks(heights: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Height and index of the top of each row (..., k); inside a row, height of the parabola through the top three."""
+    top = heights.argmax(axis=-1)
+    middle = np.clip(top, 1, heights.shape[-1] - 2)[..., None]
+    before, here, after = (np.take_along_axis(heights, middle + k, axis=-1)[..., 0] for k in (-1, 0, 1))
+    bend = before - 2.0 * here + after
+    inside = (middle[..., 0] == top) & (bend < 0.0)
+    rise = np.divide(-((before - after) ** 2), 8.0 * bend, out=np.zeros_like(bend), where=inside)
+    return np.take_along_axis(heights, top[..., None], axis=-1)[..., 0] + rise, top
+
+
+class Highest:
+    """The highest few of what is offered, highest first; of equal ones the earliest, however they are cut into chunks."""
+
+    def __init__(self) -> None:
+        self.height = np.zeros(0)
+        self.index: IntArray = np.zeros(0, dtype=np.intp)
+        self.x = np.zeros(0)
+
+    def offer(self, height: FloatArray, index: IntArray, x: FloatArray) -> None:
+        """Take the highest of these, known by their index and the place x of each, among those kept."""
+        if self.height.size == CANDIDATES:
+            some = np.flatnonzero(height > self.height[-1])
+            if some.size == 0:
+                return
+            height, index, x = height[some], index[some], x[some]
+        height = np.concatenate([self.height, height])
+        order = np.argsort(-height, kind="stable")[:CANDIDATES]
+        self.height = height[order]
+        self.index = np.concatenate([self.index, index])[order]
+        self.x = np.concatenate([self.x, x])[order]
+
+
+def zoom(
+    height: Callable[[FloatArray], FloatArray], x: FloatArray, half: FloatArray, lower: FloatArray, upper: FloatArray
+) -> FloatArray:
+    """Climb to the highest point within x - half .. x + half, each row of x (n,) on its own."""
+    steps = np.linspace(-1.0, 1.0, _ZOOM_POINTS)
+    for _ in range(_ZOOM_ROUNDS):
+        trial = np.clip(x[:, None] + half[:, None] * steps, lower[:, None], upper[:, None])
+        top = height(trial).argmax(axis=1)
+        x = trial[np.arange(x.size), top]
+        half = half / _ZOOM_SHRINK
+    return x
+
+
+def chunks(count: int, points_each: int) -> Iterator[IntArray]:
+    """Indices 0 .. count - 1 in pieces whose points are evaluated at once."""
+    size = max(1, _CHUNK_POINTS // points_each)
+    for first in range(0, count, size):
+        yield np.arange(first, min(first + size, count))

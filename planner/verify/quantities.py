@@ -1,0 +1,34 @@
+"""What is measured of a plan at a point of its path, and in which order.
+
+As rows: feed, tangential acceleration, tangential jerk, speed backwards along u; then velocity, acceleration and jerk,
+each of every axis: ``4 + 3 dim`` of them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from planner.types import FloatArray
+
+AXIS_RATES = ("velocity", "acceleration", "jerk")
+_TIP_RATES = ("feed", "tangential acceleration", "tangential jerk")
+REVERSAL = len(_TIP_RATES)  # row of -u'
+FIRST_AXIS = REVERSAL + 1  # row of the velocity of the first axis
+
+
+def names(dim: int) -> tuple[tuple[str, int], ...]:
+    """Limit and axis (-1: none) of each row."""
+    single = (*_TIP_RATES, "reversal")
+    return (*((name, -1) for name in single), *((what, j) for what in AXIS_RATES for j in range(dim)))
+
+
+def axis_rows(dim: int, k: int) -> slice:
+    """Rows of the axes' velocity (k = 0), acceleration (1) or jerk (2)."""
+    return slice(FIRST_AXIS + k * dim, FIRST_AXIS + (k + 1) * dim)
+
+
+def sizes_of(values: FloatArray) -> FloatArray:
+    """What is compared with the limits: sizes, but of the speed backwards only what is backwards."""
+    sizes = np.abs(values)
+    sizes[REVERSAL] = values[REVERSAL]
+    return sizes

@@ -1,0 +1,116 @@
+"""The dense pass over a plan, and the search around its highest points."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.geometry.curve import FeedCaps
+from planner.machine.limits import Limits
+from planner.types import FloatArray
+from planner.verify.motion import Motion
+from planner.verify.peaks import Highest, IntArray, chunks, zoom
+from planner.verify.quantities import axis_rows, names, sizes_of
+from planner.verify.report import Place
+from planner.verify.sizes import VELOCITY_STEP
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """What the dense pass over a profile keeps.
+
+    top_span, top_x : (quantities, candidates)
+        The highest spans of each quantity and where their highest points are.
+    largest : (quantities,)
+        Largest size of each quantity at the points, less its slack.
+    jerk : (dim, spans)
+        Largest |axis jerk| on each span, less its slack: the digits of u, which the mean jerk of an interval does not have.
+    steps : (2, spans + 1, dim)
+        Steps of axis velocity and acceleration where spans meet; first and last entry: against a standstill.
+    along : (spans + 1,)
+        Steps of the tangential acceleration there; where the tip comes to rest, which may turn it back, those of its size.
+    """
+
+    top_span: IntArray
+    top_x: FloatArray
+    largest: FloatArray
+    jerk: FloatArray
+    steps: FloatArray
+    along: FloatArray
+
+
+def scan_spans(motion: Motion, density: int) -> Scan:
+    """Measure every span at ``density`` points, both ends included, and keep the highest."""
+    from planner.verify.motion_kernels import scan
+
+    dim, spans = motion.curve.dim, motion.interval.size
+    count = len(names(dim))
+    tops = [Highest() for _ in range(count)]
+    largest = np.zeros(count)
+    jerk = np.empty((dim, spans))
+    steps = np.zeros((2, spans + 1, dim))
+    before, after = np.zeros((2, spans + 1)), np.zeros((2, spans + 1))
+    for span in chunks(spans, density):
+        x = motion.grid(span, density)
+        ends, height = np.empty((2, count, span.size)), np.empty((count, span.size))
+        top, chunk_jerk = np.empty((count, span.size), dtype=np.intp), np.empty((dim, span.size))
+        scan(*motion.states(span, x), ends, height, top, largest, chunk_jerk)
+        jerk[:, span] = chunk_jerk
+        for k in range(2):
+            first, last = ends[:, axis_rows(dim, k)]
+            steps[k, span] += first.T
+            steps[k, span + 1] -= last.T
+        after[:, span], before[:, span + 1] = ends[0, :2], ends[1, :2]
+        for kept, heights, at in zip(tops, height, top, strict=True):
+            kept.offer(heights, span, x[np.arange(span.size), at])
+    rests = np.minimum(before[0], after[0]) <= VELOCITY_STEP * largest[0]
+    along = np.where(rests, np.abs(after[1]) - np.abs(before[1]), after[1] - before[1])
+    return Scan(np.stack([top.index for top in tops]), np.stack([top.x for top in tops]), largest, jerk, steps, along)
+
+
+def worst_of(motion: Motion, scan: Scan, density: int) -> Iterator[tuple[str, int, float, float, Place]]:
+    """Yield quantity, axis, worst value, its slack and its place, after the search around the highest points."""
+    rows = names(motion.curve.dim)
+    span, candidates = scan.top_span.reshape(-1), scan.top_span.shape[1]
+    quantity = np.repeat(np.arange(len(rows)), candidates)
+    every = np.arange(span.size)
+
+    def height(x: FloatArray) -> FloatArray:
+        values, slack = motion.measure(span, x)
+        return _used(sizes_of(values)[quantity, every], slack[quantity, every])
+
+    lower, upper = motion.lower[span], motion.upper[span]
+    x = zoom(height, scan.top_x.reshape(-1), (upper - lower) / (density - 1), lower, upper)[:, None]
+    values, slack = motion.measure(span, x)
+    worst, slack = sizes_of(values)[quantity, every, 0], slack[quantity, every, 0]
+    u, t = motion.parameter(span, x)[:, 0], motion.time(span, x[:, 0])
+    best = _used(worst, slack).reshape(-1, candidates).argmax(axis=1) + candidates * np.arange(len(rows))
+    for (name, j), k in zip(rows, best, strict=True):
+        yield name, j, max(float(worst[k]), 0.0), float(slack[k]), (float(t[k]), float(u[k]))
+
+
+def _used(sizes: FloatArray, slack: FloatArray) -> FloatArray:
+    """Size less slack; where both overflow it is no number, which argmax takes for the highest, as it should be."""
+    with np.errstate(invalid="ignore"):
+        return np.asarray(sizes - slack)
+
+
+def machine_caps(programmed: FeedCaps, limits: Limits) -> FeedCaps:
+    """What the machine allows on the stretches of a program: its rapid where the program commands no feed."""
+    return FeedCaps(programmed.edges, np.where(np.isinf(programmed.feed), limits.rapid, limits.feed))
+
+
+def feed_under(motion: Motion, caps: FeedCaps, density: int) -> tuple[float, float, tuple[float, float]]:
+    """Feed that uses most of what caps allow: value, cap and place."""
+    worst = (0.0, np.inf, (0.0, 0.0))
+    for span in chunks(motion.interval.size, density):
+        x = motion.grid(span, density)
+        feeds, u = motion.feed(span, x), motion.parameter(span, x)
+        # A span ends at the knots of the path; on a step of the cap it has the cap of its own side.
+        cap = caps.at(u, u >= motion.u_ends[1, span, None])
+        k = np.unravel_index(int((feeds / cap).argmax()), feeds.shape)
+        if feeds[k] / cap[k] > worst[0] / worst[1]:
+            worst = (float(feeds[k]), float(cap[k]), (float(motion.time(span, x[:, k[1]])[k[0]]), float(u[k])))
+    return worst

@@ -1,0 +1,457 @@
+"""Part programs on the command line: verdict, seconds a line, programs out, and what is refused."""
+
+import csv
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cases import PROGRAMS
+
+import feedplan.progress
+from feedplan.cli import app
+from planner import Limits, load_limits, read_program, read_table
+from planner.programs.path.deviation import deviation
+from planner.programs.path.moves import Blocks
+from planner.programs.path.path import program_path
+
+SLOTS = PROGRAMS / "slots.ngc"
+PART = """\
+%
+(a bracket)
+G21 G90 G17
+T1 M6
+S12000 M3
+G0 Z5
+G0 X0 Y0
+M8
+G1 Z-1 F300
+G64 P0.02
+F2400
+X30
+G3 X30 Y10 I0 J5
+G1 X0
+G4 P0.5
+S8000
+X0 Y0
+X0 Y0
+M9
+G0 Z5
+M5
+M30
+%
+"""
+INI = """\
+[TRAJ]
+COORDINATES = X Y Z
+MAX_LINEAR_VELOCITY = 120
+[EMCMOT]
+SERVO_PERIOD = 2000000
+""" + "".join(f"[AXIS_{a}]\nMAX_VELOCITY = 100\nMAX_ACCELERATION = 800\nMAX_JERK = 16000\n" for a in "XYZ")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _compiled():
+    """Compile before standard error is looked at."""
+    feedplan.progress.load_kernels()
+
+
+@pytest.fixture
+def run(capsys):
+    """Run a command; returns its exit code, standard output and standard error."""
+
+    def command(*arguments):
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as stop:
+            app([str(argument) for argument in arguments], prog_name="feedplan")
+        out, err = capsys.readouterr()
+        return stop.value.code or 0, out, err
+
+    return command
+
+
+@pytest.fixture
+def part(tmp_path):
+    file = tmp_path / "part.ngc"
+    file.write_text(PART)
+    return file
+
+
+@pytest.fixture
+def machine(tmp_path):
+    file = tmp_path / "machine.ini"
+    file.write_text(INI)
+    return file
+
+
+@pytest.fixture
+def corners(tmp_path):
+    """Three lines and the two corners between them."""
+    file = tmp_path / "corners.ngc"
+    file.write_text("G21 G90\nG0 X0 Y0\nG64 P0.01\nF6000\nG1 X20\nY20\nX0 Y30\nM2\n")
+    return file
+
+
+def parsed(text):
+    def refuse(constant):
+        raise AssertionError(f"{constant} is no JSON")
+
+    return json.loads(text, parse_constant=refuse)
+
+
+def flat(text):
+    """Text without the line breaks of a terminal."""
+    return " ".join(text.split())
+
+
+def distance(points, vertices):
+    """Largest distance of points from a polyline of few vertices, each from its nearest segment."""
+    a, chord = vertices[:-1], np.diff(vertices, axis=0)
+    square = np.maximum(np.sum(chord**2, axis=1), 1e-30)
+    worst = 0.0
+    for p in points:
+        w = np.clip(np.sum((p - a) * chord, axis=1) / square, 0.0, 1.0)
+        worst = max(worst, float(np.sum((p - a - w[:, None] * chord) ** 2, axis=1).min()))
+    return math.sqrt(worst)
+
+
+def points_between(source, step=0.02):
+    """The moves of a program of lines as points no farther apart than a step, both ends among them."""
+    parts = [source.start[:1]]
+    for start, end, length in zip(source.start, source.end, source.lengths, strict=True):
+        count = int(np.ceil(length / step))
+        parts.append(start + (end - start) * (np.arange(1, count + 1) / count)[:, None])
+    return np.concatenate(parts)
+
+
+class TestPlan:
+    def test_the_verdict_tells_tolerance_deviation_and_line(self, run, corners, tmp_path):
+        table = tmp_path / "table.csv"
+        code, out, err = run("plan", corners, "--tolerance-mm", "0.02", "-o", table)
+        assert (code, err) == (0, "")
+        path = program_path(read_program(corners), 0.02, load_limits("mill"))
+        assert (
+            f"deviation     {1e3 * path.deviation.largest:.4g} um at most, at line {path.deviation_line}; 20 um" in out
+        )
+        assert "program       8 lines, 3 moves, 2 corners" in out
+        assert max(len(line) for line in out.splitlines()) <= 80
+        profile = read_table(table, path.curve)
+        assert f"{profile.duration:.6g} s" in out
+        assert run("check", table, corners)[0] == 0
+        assert run("check", table, corners, "--tolerance-mm", "0.02", "--machine", "mill")[0] == 0
+        code, _, err = run("check", table, corners, "--tolerance-mm", "0.03")
+        assert code == 2
+        assert "give the curve, and the scale and tolerance, it was planned with" in err
+        code, out, _ = run("replay", table, corners, "-o", tmp_path / "samples.csv")
+        assert code == 0
+        assert f"samples       {math.ceil(profile.duration / 1e-3) + 1}, one every 0.001 s" in out
+
+    def test_json(self, run, part, machine, tmp_path):
+        files = [tmp_path / name for name in ("t.npz", "out.ngc", "lines.csv")]
+        code, out, _ = run(
+            "plan", part, "--machine", machine, "-o", files[0], "--program", files[1], "--lines", files[2], "--json"
+        )
+        assert code == 0
+        facts = parsed(out)
+        assert facts["files"] == [str(file) for file in files]
+        found = facts["program"]
+        assert found["tolerance_mm"] == pytest.approx(0.015)  # of P0.02 the path takes three quarters
+        assert found["deviation_mm"] <= found["tolerance_mm"]
+        assert [(stop["line"], stop["reason"]) for stop in found["exact_stops"]] == [
+            (14, "demanded by the program"),
+            (17, "beside a rapid"),
+        ]
+        assert facts["period_s"] == 0.002
+        assert not [note for note in facts["notes"] if note.startswith("exact stop at u")]
+        with open(files[2]) as file:
+            rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
+        assert [int(row["line"]) for row in rows] == [4, 6, 7, 9, 12, 13, 14, 15, 17, 18, 20]
+        assert math.fsum(float(row["seconds"]) for row in rows) == pytest.approx(facts["duration_s"], abs=1e-9)
+        assert run("check", files[0], part)[0] == 0
+
+    def test_f_words_hold_under_the_feed_of_the_machine(self, run, tmp_path):
+        file = tmp_path / "part.ngc"
+        file.write_text("G21 G90\nG0 X0 Y0\nG64 P0.01\nG1 X20 F1200\nX60 F30000\nM2\n")
+        lines = tmp_path / "lines.csv"
+        assert run("plan", file, "--lines", lines)[0] == 0
+        rows = [line.split(",") for line in lines.read_text().splitlines() if not line.startswith("#")][1:]
+        mean = {int(row[0]): float(row[2]) / float(row[3]) for row in rows if float(row[3]) > 0.0}
+        assert 17.0 < mean[4] <= 20.0  # F1200
+        assert 60.0 < mean[5] <= 100.0  # F30000, but 100 mm/s is the machine's
+
+    @pytest.mark.parametrize("method", ["toppra", "scurve"])
+    def test_other_methods_take_a_program(self, run, corners, method):
+        code, out, _ = run("plan", corners, "--method", method, "--json")
+        assert parsed(out)["method"] == method
+        assert code == (1 if method == "toppra" else 0)
+
+
+class TestPoints:
+    @pytest.fixture
+    def points(self, tmp_path):
+        t = np.linspace(0.0, 2.0, 200)
+        file = tmp_path / "points.csv"
+        file.write_text("X,Y\n" + "".join(f"{30 * np.cos(a):.6f},{20 * np.sin(a):.6f}\n" for a in t))
+        return file
+
+    def test_points_are_fitted_within_the_tolerance(self, run, points, tmp_path):
+        table = tmp_path / "table.csv"
+        code, out, _ = run("plan", points, "--tolerance-mm", "0.005", "-o", table, "--intervals", "60", "--json")
+        assert code == 0
+        assert parsed(out)["source"]["deviation"].endswith("; 5 um allowed")
+        assert run("check", table, points)[0] == 0
+        assert run("plan", points, "--intervals", "60", "-o", table)[0] == 0
+        assert run("check", table, points)[0] == 0
+
+    def test_a_drawing_is_planned_and_written(self, run, tmp_path):
+        import ezdxf
+
+        drawing = ezdxf.new(units=4)
+        drawing.modelspace().add_line((0, 0), (20, 0))
+        drawing.modelspace().add_arc((20, 5), 5, -90, 90)
+        drawing.saveas(tmp_path / "part.dxf")
+        out = tmp_path / "out.ngc"
+        code, text, _ = run("ngc", tmp_path / "part.dxf", "--tolerance-mm", "0.01", "-o", out)
+        assert code == 0
+        assert "within" in text
+        assert read_program(out).end[-1, :2] == pytest.approx([20.0, 10.0], abs=1e-3)
+
+
+class TestTime:
+    def test_json_adds_up(self, run, part, machine, tmp_path):
+        output = tmp_path / "lines.csv"
+        code, out, err = run("time", part, "--machine", machine, "-o", output, "--json")
+        assert (code, err) == (0, "")
+        facts = parsed(out)
+        lines = facts["lines"]
+        assert math.fsum(row["seconds"] for row in lines) == facts["motion_s"]
+        assert math.fsum(row["without_jerk_limit_s"] for row in lines) == facts["without_jerk_limit_s"]
+        assert 0.0 < facts["jerk_limit_costs"] < 0.3
+        assert (facts["dwell_s"], facts["tool_changes"]) == (0.5, 1)
+        assert {row["line"]: row["dwell_s"] for row in lines if row["dwell_s"]} == {15: 0.5}
+        assert next(row for row in lines if row["line"] == 9)["held_back_by"] == "feed"
+        assert "without_jerk_limit_s" in output.read_text()
+
+    def test_text_tells_the_longest_lines_first(self, run, part, machine):
+        code, out, _ = run("time", part, "--machine", machine, "--rows", "2")
+        assert code == 0
+        rows = [line.split() for line in out.splitlines()]
+        head = next(k for k, row in enumerate(rows) if row[:2] == ["line", "kind"])
+        assert [row[0] for row in rows[head + 1 : head + 5]] == ["9", rows[head + 2][0], "9", "all"]
+        assert rows[head + 3][1] == "others"
+        assert float(rows[head + 1][3]) >= float(rows[head + 2][3])
+        text = flat(out)
+        assert "dwells 0.5 s more" in text
+        assert "tool changes 1; the program does not say how long they take" in text
+        assert "Where a path really has corners a jerk limit costs 1 to 30 %" in text
+        assert max(len(line) for line in out.splitlines()) <= 80
+
+    def test_what_the_jerk_limit_costs_at_corners(self, run, corners):
+        facts = parsed(run("time", corners, "--tolerance-mm", "0.01", "--json")[1])
+        assert facts["jerk_limit_costs"] == facts["motion_s"] / facts["without_jerk_limit_s"] - 1.0
+        assert 0.01 < facts["jerk_limit_costs"] < 0.3
+
+    def test_a_machine_without_a_jerk_limit(self, run, corners, tmp_path):
+        ini = tmp_path / "machine.ini"
+        ini.write_text("".join(line for line in INI.splitlines(keepends=True) if "JERK" not in line))
+        facts = parsed(run("time", corners, "--machine", ini, "--json")[1])
+        assert facts["motion_s"] == facts["without_jerk_limit_s"]
+        assert "jerk limit none is set" in flat(run("time", corners, "--machine", ini)[1])
+
+
+class TestNgc:
+    @pytest.mark.parametrize("options", [(), ("--inverse-time",)])
+    def test_what_is_written_reads_back_within_the_tolerance(self, run, corners, tmp_path, options):
+        out = tmp_path / "out.ngc"
+        code, text, err = run("ngc", corners, "--tolerance-mm", "0.02", "-o", out, "--json", *options)
+        assert (code, err) == (0, "")
+        facts = parsed(text)
+        source, written = read_program(corners), read_program(out)
+        vertices = np.concatenate([source.start[:1], source.end])
+        back = np.concatenate([written.start[:1], written.end])
+        assert len(written) == facts["blocks"]
+        assert (written.lengths / written.feed).sum() == pytest.approx(facts["duration_s"], rel=1e-6)
+        blend = facts["blending_mm"]
+        assert distance(points_between(written, 1.0), vertices) + blend <= 0.02
+        assert distance(vertices, back) + blend <= 0.02
+        assert facts["deviation_mm"] + blend <= 0.02
+        assert set(written.tolerance) == {blend}
+
+    def test_arcs_become_lines_within_the_tolerance(self, run, tmp_path):
+        out = tmp_path / "out.ngc"
+        assert run("ngc", SLOTS, "--tolerance-mm", "0.01", "-o", out)[0] == 0
+        blocks = Blocks.of(read_program(SLOTS), 0.01)
+        written = read_program(out)
+        limits = Limits(100.0, [250.0] * 3, [1000.0] * 3, [2e4] * 3)
+        path = program_path(written, 1e-3, limits)  # follows the written lines within 1 um
+        ends = blocks.programmed.edges
+        u = np.interp(ends, [0.0, ends[-1]], path.curve.domain)
+        found = deviation(path.curve, blocks.programmed, u, ends, 5.0, density=8)
+        assert found.largest <= 0.01 + 1e-3
+
+    def test_spindle_tools_and_dwells_keep_their_places(self, run, part, machine, tmp_path):
+        out = tmp_path / "out.ngc"
+        assert run("ngc", part, "--machine", machine, "-o", out)[0] == 0
+        words = [line for line in out.read_text().splitlines() if not line.startswith(("G1 ", "G61", "G64", "("))]
+        assert words == [
+            "G21 G17 G90 G94", "M6 T1", "M3 S12000", "G0 Z5", "G0 X0 Y0", "M8", "G0 X0 Y0 Z5", "G4 P0.5", "S8000", "M9",
+            "M5", "M2",
+        ]  # fmt: skip
+        source, written = read_program(part), read_program(out)
+        for kind in ("dwell", "coolant", "spindle", "tool_change"):
+            there, here = (
+                [
+                    program.end[e.after_move] if e.after_move >= 0 else program.start[0]
+                    for e in program.events
+                    if e.kind == kind
+                ]
+                for program in (source, written)
+            )
+            assert np.abs(np.array(there) - np.array(here)).max() <= 0.02
+        assert [e.text for e in source.events if e.kind != "end"] == [e.text for e in written.events if e.kind != "end"]
+
+    def test_an_axis_that_rests_keeps_its_rapid(self, run, tmp_path):
+        file, out, table = (tmp_path / name for name in ("flat.ngc", "out.ngc", "table.csv"))
+        file.write_text("G21 G90\nG0 Z2.5\nG0 X0 Y0\nG64 P0.01\nG1 X20 F3000\nY20\nM2\n")
+        assert run("plan", file, "-o", table, "--program", out)[0] == 0
+        assert out.read_text().splitlines()[3:5] == ["G0 Z2.5", "G0 X0 Y0"]
+        assert run("check", table, file)[0] == 0  # the table has no limits of Z
+
+    def test_from_a_table(self, run, corners, tmp_path):
+        table, planned, out = (tmp_path / name for name in ("t.csv", "planned.ngc", "out.ngc"))
+        assert run("plan", corners, "--tolerance-mm", "0.02", "-o", table, "--program", planned)[0] == 0
+        assert run("ngc", corners, "--table", table, "-o", out)[0] == 0
+        assert out.read_bytes() == planned.read_bytes()
+        assert run("plan", corners, "--tolerance-mm", "0.02", "-o", table)[0] == 0
+        code, _, err = run("ngc", corners, "--table", table, "-o", out)
+        assert code == 2
+        assert "its path takes 0.02 mm of tolerance and leaves nothing for the blocks" in err
+        assert run("ngc", corners, "--table", table, "-o", out, "--tolerance-mm", "0.03")[0] == 0
+        code, _, err = run("ngc", corners, "--table", table, "-o", out, "--machine", "mill")
+        assert code == 2
+        assert "--table brings its own limits" in err
+
+    def test_a_curve(self, run, tmp_path):
+        code, out, _ = run("ngc", "teardrop", "--tolerance-mm", "0.004", "-o", tmp_path / "t.ngc", "--json")
+        assert code == 0
+        facts = parsed(out)
+        assert 0.001 < facts["deviation_mm"] <= 0.002
+        assert facts["blending_mm"] == 0.002
+        assert len(read_program(tmp_path / "t.ngc")) == facts["blocks"]
+
+
+class TestBadInput:
+    @pytest.mark.parametrize(
+        ("text", "message"),
+        [
+            ("G21 G90\nG0 X0\nG1 X10 Q5 F100\nM2\n", "part.ngc:3: Q5: belongs to G64, which is not in the block"),
+            ("G21\nG1 X10\nM2\n", "part.ngc:2: G1: no feed is given; F is missing"),
+            ("G21\nG1 X10 F100\n", "part.ngc:2: end of file: there is no M2, M30 or closing %"),
+            ("G21\nM2\n", "part.ngc: the program moves nothing"),
+            ("G21\nG0 X5 Y5\nG1 X5 F100\nM2\n", "part.ngc: the program moves nothing"),
+            ("G21\nG1 X1 F100\nG1 W2\nM2\n", "part.ngc:3: W2: "),
+            ("\0\1\2\3", "part.ngc:1: "),
+        ],
+    )
+    @pytest.mark.parametrize("command", [("plan",), ("time",), ("ngc", "-o", "out.ngc")])
+    def test_programs(self, run, tmp_path, monkeypatch, text, message, command):
+        monkeypatch.chdir(tmp_path)
+        Path("part.ngc").write_text(text)
+        code, out, err = run(command[0], "part.ngc", *command[1:])
+        assert (code, out) == (2, "")
+        assert err.startswith(f"error: {message}")
+        assert err.count("\n") == 1
+        assert [file.name for file in tmp_path.iterdir()] == ["part.ngc"]
+
+    def test_a_machine_that_lacks_an_axis(self, run, tmp_path):
+        file, toml = tmp_path / "part.ngc", tmp_path / "m.toml"
+        file.write_text("G21\nG0 X0\nG1 X5 F100\nY5\nM2\n")
+        toml.write_text(
+            'feed_mm_s = 10.0\n[[axis]]\nname = "X"\nvelocity_mm_s = 1.0\nacceleration_mm_s2 = 1.0\njerk_mm_s3 = 1.0\n'
+        )
+        for command in ("plan", "time"):
+            code, _, err = run(command, file, "--machine", toml)
+            assert code == 2
+            assert "part.ngc:4: Y: the machine has no axis Y; its axes are X" in err
+
+    @pytest.mark.parametrize("tolerance", ["0", "-0.01", "nan"])
+    def test_tolerances(self, run, tolerance):
+        for command in (("plan", SLOTS), ("time", SLOTS), ("plan", "teardrop")):
+            code, _, err = run(*command, "--tolerance-mm", tolerance)
+            assert code == 2
+            assert "--tolerance-mm" in err
+            assert "must be a number > 0" in err
+
+    @pytest.mark.parametrize(
+        ("command", "message"),
+        [
+            (("plan", "teardrop", "--lines", "x.csv"), "teardrop has no lines; --lines needs a part program"),
+            (("time", "teardrop"), "teardrop has no lines; feedplan time needs a part program"),
+            (("plan", "teardrop", "--tolerance-mm", "0.01"), "teardrop is exact"),
+            (("plan", SLOTS, "--scale", "2"), "it must be 1"),
+            (("plan", "no.ngc"), "no.ngc: cannot be read"),
+            (("time", SLOTS, "-o", "x.pdf"), 'the suffix ".pdf" must be .csv or .npz'),
+            (("ngc", SLOTS, "-o", "no/x.ngc"), "cannot be written"),
+            (("plan", SLOTS, "--program", "no/x.ngc"), "cannot be written"),
+        ],
+    )
+    def test_options(self, run, command, message):
+        code, out, err = run(*command)
+        assert (code, out) == (2, "")
+        assert message in err
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("ngc", "part.ngc", "-o", "part.ngc"), "is an input of this command"),
+        (("time", "part.ngc", "-o", "./part.ngc"), "is an input of this command"),
+        (("plan", "part.ngc", "--program", "part.ngc"), "is an input of this command"),
+        (("plan", "part.ngc", "--lines", "same.csv", "-o", "same.csv"), "is given for two outputs"),
+    ],
+)
+def test_no_input_and_no_other_output_is_replaced(run, tmp_path, monkeypatch, options, message):
+    text = "G21 G90 F6000\nG1 X10\nG1 Y10\nM2\n"
+    (tmp_path / "part.ngc").write_text(text)
+    monkeypatch.chdir(tmp_path)
+    code, out, err = run(*options)
+    assert (code, out) == (2, "")
+    assert message in " ".join(err.split())
+    assert (tmp_path / "part.ngc").read_text() == text
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["part.ngc"]
+
+
+def test_a_table_of_another_curve_is_the_fault_not_its_tolerance(run, corners, tmp_path):
+    table = tmp_path / "table.csv"
+    assert run("plan", corners, "--tolerance-mm", "0.02", "-o", table)[0] == 0
+    assert run("check", table, corners)[0] == 0
+    for command in (("check", table, "teardrop"), ("replay", table, "teardrop")):
+        code, out, err = run(*command)
+        assert (code, out) == (2, "")
+        assert "the table is for the curve corners.ngc" in err
+        assert "not for teardrop" in err
+        assert "--tolerance-mm" not in err
+
+
+@pytest.mark.parametrize("command", ["plan", "time", "windows", "ngc", "check", "compare"])
+def test_an_empty_name_is_no_machine(run, corners, tmp_path, command):
+    output = tmp_path / "output.npz"
+    options = {
+        "windows": (corners, "-o", output),
+        "ngc": (corners, "-o", output),
+        "check": (tmp_path / "table.csv", corners),
+        "compare": ("teardrop",),
+    }.get(command, (corners,))
+    if command == "check":
+        assert run("plan", corners, "-o", tmp_path / "table.csv")[0] == 0
+    code, out, err = run(command, *options, "--machine", "")
+    assert (code, out) == (2, "")
+    assert flat(err) == "error: machine '' must be a file, .toml or .ini, or an example machine: mill, five-axis"
+    assert not output.exists()
+
+
+def test_a_directory_is_no_curve(run, tmp_path):
+    code, _, err = run("plan", tmp_path)
+    assert code == 2
+    assert "is a directory; give a .json" in err

@@ -1,0 +1,347 @@
+"""The comparison of methods: who breaks what, how slow each must run, and what the command prints and writes."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import feedplan.progress
+from feedplan.cli import app
+from feedplan.comparison import (
+    METHODS,
+    _slowed_plan,
+    compare_methods,
+    dilation,
+    judge,
+    least_dilation,
+    letters,
+    result_facts,
+    saving,
+    select_methods,
+    worst_ratios,
+)
+from planner import Limits, check, load_curve, load_limits
+from planner.errors import InputError
+
+CHOSEN = ("algorithm-1", "algorithm-2-soft", "2002-bell-1", "2007-uniform", "toppra", "scurve", "optimal")
+KEEPING = {"scurve", "optimal"}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _compiled():
+    """Compile before standard error is looked at."""
+    feedplan.progress.load_kernels((*feedplan.progress.PLAN_KERNELS, "interp.literature.greedy_kernels"))
+
+
+@pytest.fixture(scope="module")
+def teardrop():
+    """Curve, limits and results by name."""
+    curve = load_curve("teardrop")
+    limits = load_limits("mill").for_curve(curve)
+    return curve, limits, {result.method: result for result in compare_methods(curve, limits, CHOSEN)}
+
+
+@pytest.fixture
+def run(capsys):
+    """Run a command; returns its exit code, standard output and standard error."""
+
+    def command(*arguments):
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as stop:
+            app([str(argument) for argument in arguments], prog_name="feedplan")
+        out, err = capsys.readouterr()
+        return stop.value.code or 0, out, err
+
+    return command
+
+
+def held_differences(samples, order, period):
+    """|n-th difference| over period^n of every axis, the ends held: what drives at rest see."""
+    padded = np.pad(samples.position, [(3, 3), (0, 0)], mode="edge")
+    return np.abs(np.diff(padded, order, axis=0)).max(axis=0) / period**order
+
+
+def strict_json(text):
+    def refuse(name):
+        raise AssertionError(f"{name} is no JSON")
+
+    return json.loads(text, parse_constant=refuse)
+
+
+class TestNumbers:
+    @pytest.mark.parametrize("method", ["algorithm-1", "algorithm-2-soft", "2002-bell-1", "2007-uniform"])
+    def test_ratios_are_differences_of_the_samples(self, teardrop, method):
+        _, limits, results = teardrop
+        result = results[method]
+        for order, name in enumerate(("velocity", "acceleration", "jerk"), start=1):
+            found = held_differences(result.motion.samples, order, limits.period) / getattr(limits, name)
+            assert result.judgement.ratios[name] == pytest.approx(found.max(), rel=1e-9)
+
+    @pytest.mark.parametrize("method", CHOSEN)
+    def test_time_is_that_of_the_samples(self, teardrop, method):
+        _, limits, results = teardrop
+        result = results[method]
+        last = (result.points - 1) * limits.period
+        assert last - limits.period < result.duration <= last + 1e-9
+        assert result.motion.samples.t.size == result.points
+
+    def test_a_plan_is_judged_between_its_samples_too(self, teardrop):
+        curve, limits, results = teardrop
+        for method in ("toppra", "scurve", "optimal"):
+            motion = results[method].motion
+            rows = [*check(curve, limits, motion.profile).rows, *check(curve, limits, motion.samples).rows]
+            worst = max(row.ratio for row in rows if row.limit == "acceleration")
+            assert results[method].judgement.ratios["acceleration"] == worst
+            assert results[method].ok == all(row.ok for row in rows)
+
+    def test_who_breaks_a_limit_is_shown_as_breaking_it(self, teardrop):
+        _, _, results = teardrop
+        assert {name for name, result in results.items() if result.ok} == KEEPING
+        assert letters(results["optimal"].judgement) == "nothing"
+        assert "J" in letters(results["toppra"].judgement)
+        # Algorithm 1 runs at the command feed: it takes the axes' acceleration for granted.
+        broken = {row.limit: row for row in results["algorithm-1"].judgement.broken}
+        assert {"acceleration", "jerk"} <= set(broken)
+        assert "chord error" not in broken
+        assert all(row.worst > row.allowed for row in broken.values())
+
+    def test_chord_error_beyond_its_tolerance_is_found(self):
+        curve = load_curve("teardrop")
+        tight = Limits(20.0, [30.0] * 2, [30.0] * 2, [200.0] * 2, chord_error=1e-6)
+        first, third = compare_methods(curve, tight, ["algorithm-1", "algorithm-3"])
+        # Length^2 curvature / 8 where the teardrop is sharpest: radius 10.947321 mm.
+        assert first.chord_error == pytest.approx(0.02**2 / 8.0 / 10.947321, rel=1e-3)
+        assert "C" in letters(first.judgement)
+        assert "C" not in letters(third.judgement)
+        assert third.chord_error <= 1e-6 * (1.0 + 1e-6)
+
+    def test_fluctuation_of_a_first_order_step(self, teardrop):
+        _, _, results = teardrop
+        motion = results["2002-bell-1"].motion
+        chords = np.linalg.norm(np.diff(motion.samples.position, axis=0), axis=1)[:-1]
+        fast = motion.commanded[:-1] > 1.0
+        apart = np.abs(chords[fast] / (motion.commanded[:-1][fast] * motion.samples.period) - 1.0)
+        assert results["2002-bell-1"].fluctuation == pytest.approx(apart.max(), rel=1e-3)
+        assert results["optimal"].fluctuation < 1e-9
+
+    def test_steady_feed_of_a_circle_is_where_the_normal_acceleration_is_used_up(self):
+        limits = load_limits("mill").for_curve(load_curve("circle")).with_feed(300.0)
+        (result,) = compare_methods(load_curve("circle"), limits, ["2002-bell-steady"])
+        # Radius 50 mm, 1000 mm/s^2; the jerk would allow cbrt(20000 x 50^2) = 368 mm/s.
+        assert result.motion.commanded.max() == pytest.approx(np.sqrt(1000.0 * 50.0), rel=1e-6)
+
+
+class TestDilation:
+    def test_least_factor(self):
+        none = dict.fromkeys(worst_ratios(()), 0.0)
+        assert least_dilation(none) == 1.0
+        for name, ratio, factor in (("velocity", 3.0, 3.0), ("acceleration", 4.0, 2.0), ("jerk", 27.0, 3.0)):
+            assert least_dilation(none | {name: ratio}) == pytest.approx(factor)
+        assert least_dilation(none | {"chord error": 9.0, "jerk": 8.0, "feed": 0.5}) == pytest.approx(3.0)
+
+    @pytest.mark.parametrize("method", ["algorithm-1", "algorithm-2-soft", "2002-bell-1", "2007-uniform"])
+    def test_slowed_samples_keep_every_limit_and_faster_ones_do_not(self, teardrop, method):
+        _, limits, results = teardrop
+        result = results[method]
+        found = result.judgement.dilation
+        assert found.confirmed
+        assert found.duration == pytest.approx(found.factor * result.duration)
+        used = []
+        for factor in (found.factor, 0.999 * found.factor):
+            shares = []
+            for order, name in enumerate(("velocity", "acceleration", "jerk"), start=1):
+                values = held_differences(result.motion.samples, order, factor * limits.period)
+                shares.append((values / getattr(limits, name)).max())
+            used.append(max(shares))
+        assert used[0] <= 1.0 + 1e-6
+        assert used[1] > 1.0 + 1e-6
+
+    def test_a_plan_is_slowed_between_its_samples(self, teardrop):
+        curve, limits, results = teardrop
+        found = results["toppra"].judgement.dilation
+        assert found.confirmed
+        profile = results["toppra"].motion.profile
+        slowed = _slowed_plan(profile, found.factor)
+        report = check(curve, limits.with_period(found.factor * limits.period), slowed)
+        # A step of the acceleration stays one, however slow: only what a drive sees of it falls.
+        assert {row.limit for row in report.violations} == {"step on a smooth path"}
+        assert next(row for row in report.rows if row.limit == "acceleration step").ok
+        faster = check(
+            curve, limits.with_period(0.999 * found.factor * limits.period), _slowed_plan(profile, 0.999 * found.factor)
+        )
+        assert not all(row.ok for row in faster.rows if row.limit != "step on a smooth path")
+
+    def test_what_keeps_every_limit_needs_no_factor(self, teardrop):
+        _, _, results = teardrop
+        for method in KEEPING:
+            assert results[method].judgement.dilation.factor == 1.0
+            assert results[method].judgement.dilation.duration == results[method].duration
+
+    def test_the_optimum_run_faster_breaks_a_limit(self, teardrop):
+        curve, limits, results = teardrop
+        samples = results["optimal"].motion.samples
+        period = 0.995 * samples.period
+        faster = replace(samples, period=period, t=period * np.arange(samples.t.size))
+        motion = replace(results["optimal"].motion, samples=faster, profile=None)
+        _, judgement = judge(curve, limits, motion)
+        assert judgement.broken
+
+    def test_long_chords_are_cured_by_more_points(self):
+        curve = load_curve("snailshell")
+        tight = Limits(20.0, [30.0] * 2, [1e6] * 2, [1e12] * 2, chord_error=1e-6)
+        (result,) = compare_methods(curve, tight, ["algorithm-1"])
+        assert [row.limit for row in result.judgement.broken] == ["chord error"]
+        found = result.judgement.dilation
+        assert found.confirmed
+        # The chord error falls with the square of the factor, where chords are short.
+        assert found.factor == pytest.approx(np.sqrt(result.chord_error / 1e-6), rel=0.05)
+
+    def test_gives_up_on_what_does_not_depend_on_time(self, teardrop):
+        curve, limits, results = teardrop
+        motion = results["2002-bell-1"].motion
+        position = motion.samples.position.copy()
+        position[500] += 1.0  # a point off the path
+        motion = replace(motion, samples=replace(motion.samples, position=position))
+        rows, judgement = judge(curve, limits, motion)
+        assert "path error" in {row.limit for row in rows if not row.ok}
+        assert letters(judgement).endswith("?")
+        assert not dilation(curve, limits, motion, judgement.ratios).confirmed
+
+
+class TestSaving:
+    def test_counts_only_who_breaks_nothing(self, teardrop):
+        _, _, results = teardrop
+        found = saving(list(results.values()))
+        optimum, scurve = results["optimal"].duration, results["scurve"].duration
+        assert found.optimum == optimum
+        assert found.rival == "scurve"
+        assert found.share == pytest.approx(1.0 - optimum / scurve)
+        assert found.slowed_duration == min(
+            result.judgement.dilation.duration for name, result in results.items() if name != "optimal"
+        )
+        # Faster ones are there, but they break limits.
+        assert min(result.duration for result in results.values()) < optimum
+
+    def test_there_is_none_without_an_optimum(self, teardrop):
+        _, _, results = teardrop
+        assert saving([results["scurve"]]) is None
+
+    def test_there_may_be_no_rival(self, teardrop):
+        _, _, results = teardrop
+        found = saving([results["algorithm-1"], results["optimal"]])
+        assert found.rival == ""
+        assert found.slowed_rival == "algorithm-1"
+
+
+class TestMethods:
+    def test_select_by_beginnings(self):
+        assert select_methods("2002-bell,optimal") == ["2002-bell-1", "2002-bell-2", "2002-bell-steady", "optimal"]
+        assert select_methods("algorithm-2") == ["algorithm-2"]
+        assert len(select_methods("algorithm,2002,2007,toppra,scurve,nlp,optimal")) == len(METHODS)
+        for text in ("", "algo", "optimal,", "optimal-"):
+            with pytest.raises(InputError, match="must be one of"):
+                select_methods(text)
+
+    def test_unknown_method(self, teardrop):
+        curve, limits, _ = teardrop
+        with pytest.raises(InputError, match="'fastest'"):
+            compare_methods(curve, limits, ["fastest"])
+
+    def test_rotary_axes_are_a_reason(self):
+        curve = load_curve("flank")
+        results = compare_methods(curve, load_limits("five-axis"), ["algorithm-1", "2002-bell-steady"])
+        assert all("rotary" in result.reason for result in results)
+        assert result_facts(results[0])["verdict"] == "not run"
+
+    def test_steps_that_never_arrive_are_a_reason(self):
+        curve = load_curve("butterfly-nurbs")
+        limits = load_limits("mill").for_curve(curve).with_feed(300.0)
+        second, first = compare_methods(curve, limits, ["2002-bell-2", "2002-bell-1"])
+        assert "come to u = 0.284" in second.reason
+        assert first.reason == ""
+
+
+class TestCommand:
+    METHODS = ("--methods", "algorithm-1,2002-bell-1,scurve,optimal")
+
+    def test_table(self, run, tmp_path):
+        target, figure = tmp_path / "result.json", tmp_path / "result.png"
+        code, out, err = run("compare", "teardrop", "--machine", "mill", *self.METHODS, "-o", target, "--plot", figure)
+        assert (code, err) == (0, "")
+        table = out[: out.index("slowed down")].splitlines()
+        lines = {line.split()[0]: line.split() for line in table if line.startswith(("algo", "2002", "opt"))}
+        assert lines["optimal"][1:3] == ["1.1402", "nothing"]
+        assert "J" in lines["algorithm-1"][2]
+        assert "saves 0.7" in out
+        assert "scurve" in out
+        assert max(len(line) for line in out.splitlines() if not line.startswith("written")) <= 80
+        assert figure.read_bytes().startswith(b"\x89PNG")
+        facts = strict_json(target.read_text())
+        assert [row["method"] for row in facts["methods"]] == ["algorithm-1", "2002-bell-1", "scurve", "optimal"]
+        assert [row["verdict"] for row in facts["methods"]] == ["breaks", "breaks", "holds", "holds"]
+        first = facts["methods"][0]
+        assert first["machining_time_s"] == pytest.approx(13.482)
+        assert first["points"] == 13483
+        assert first["dilation_confirmed"]
+        assert first["dilated_time_s"] == pytest.approx(first["dilation"] * first["machining_time_s"])
+        assert first["jerk_ratio"] > 1.0
+        assert facts["saving"]["saving"] == pytest.approx(0.007556, abs=2e-5)
+
+    def test_stalled_method_has_its_reason_in_its_row(self, run):
+        small = ("compare", "snailshell", "--scale", "0.001", "--methods", "algorithm-1,optimal")
+        code, out, _ = run(*small)
+        assert code == 0
+        row = out[out.index("algorithm-1") : out.index("optimal   ")]
+        assert "StalledError" in row
+        assert "scale the curve up" in " ".join(row.split())
+        code, out, _ = run(*small, "--json")
+        stalled, optimal = strict_json(out)["methods"]
+        assert code == 0
+        assert (stalled["verdict"], stalled["machining_time_s"], stalled["dilation"]) == ("not run", None, None)
+        assert "StalledError" in stalled["reason"]
+        assert optimal["verdict"] == "holds"
+
+    def test_csv(self, run, tmp_path):
+        target = tmp_path / "result.csv"
+        code, _, _ = run(
+            "compare", "snailshell", "--scale", "0.001", "--methods", "algorithm-1,2002-bell-2", "-o", target
+        )
+        rows = list(csv.DictReader(io.StringIO(target.read_text())))
+        assert code == 1  # none of them holds
+        assert [row["verdict"] for row in rows] == ["not run", "breaks"]
+        assert rows[0]["machining_time_s"] == ""
+        assert "jerk" in rows[1]["breaks"].split("; ")
+        assert float(rows[1]["jerk_ratio"]) > 1.0
+
+    def test_nothing_ran(self, run, tmp_path):
+        figure = tmp_path / "result.png"
+        code, out, _ = run("compare", "flank", "--methods", "algorithm-1", "--plot", figure)
+        assert code == 3
+        assert "rotary" in out
+        assert not figure.exists()
+
+    @pytest.mark.parametrize("methods", ["optimal", "scurve"])
+    def test_figure_of_one_method(self, run, tmp_path, methods):
+        figure = tmp_path / "result.svg"
+        code, _, _ = run("compare", "snailshell", "--scale", "0.01", "--methods", methods, "--plot", figure)
+        assert code == 0
+        assert figure.read_text().count('<g id="axes_') == 2
+
+    @pytest.mark.parametrize(
+        "arguments",
+        [("--methods", "fastest"), ("-o", "result.txt"), ("--plot", "result.txt"), ("--feed-mm-s", "-1")],
+        ids=["method", "output", "plot", "feed"],
+    )
+    def test_bad_input(self, run, arguments):
+        code, out, err = run("compare", "teardrop", *arguments)
+        assert (code, out) == (2, "")
+        assert err.startswith("error: ")
+
+    def test_help_names_it_with_an_example(self, run):
+        _, out, _ = run("--help")
+        assert "feedplan compare " in out

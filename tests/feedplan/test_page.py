@@ -1,0 +1,521 @@
+"""The report as a page: its numbers are those of the plan, it loads nothing, and a browser draws it without an error."""
+
+from __future__ import annotations
+
+import base64
+import dataclasses
+import json
+import re
+import shutil
+import subprocess
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from motions import plan_along, scurve
+
+import feedplan.page
+import interp
+from feedplan.cli import app
+from feedplan.page import require_report, write_report
+from feedplan.verdict import Verdict, to_json
+from planner import InputError, Limits, Samples, __version__, check, load_curve, load_limits, write_table
+from planner.geometry.nurbs import NurbsCurve
+from planner.output.traces import trace_chord_error, trace_plan
+from planner.profile import make_profile
+from planner.programs.times import LineTimes, times_at
+from planner.verify import Report
+
+FEED, ACCELERATION, JERK = 100.0, 1000.0, 20000.0
+LIMITS = Limits(120.0, [250.0, 250.0], [1500.0, 2000.0], [25000.0, np.inf], chord_error=1e-3, period=2e-3)
+CIRCLE = load_curve("circle")
+RADIUS = 50.0
+FORTIETHS = CIRCLE.arclength.u(np.linspace(0.0, CIRCLE.length, 41))  # ends of forty lines of one length
+MOTION = scurve(CIRCLE.length, FEED, ACCELERATION, JERK)
+BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None)
+IN_BROWSER = pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed (apt-get install chromium)")
+AT = 1.2345  # where the pointer is, s
+NASTY = "</script><script>document.title='caught'</script><b>&\"'"
+
+
+def judged(profile, limits=LIMITS, **facts):
+    samples = interp.replay(profile.curve, profile, limits.period)
+    reports = [check(profile.curve, limits, plan) for plan in (profile, samples)]
+    return Verdict(profile, limits, "mill.toml", samples, *reports, **facts)
+
+
+def lines_along(profile, u, *, dwell=False):
+    """Lines 10, 12, 14, ... between the parameters u, each with the time the plan takes for it."""
+    count, t = u.size - 1, times_at(profile, u)
+    return LineTimes(
+        line=10 + 2 * np.arange(count),
+        kind=np.full(count, 2, dtype=np.int8),
+        length=np.diff(profile.curve.arclength.s(u)),
+        u_start=u[:-1].copy(),
+        u_end=u[1:].copy(),
+        seconds=np.diff(t),
+        binding=np.full(count, 1, dtype=np.int8),
+        share=np.full(count, 0.5),
+        dwell=np.where(dwell & (np.arange(count) == 3), 0.25, 0.0),
+        tool_changes=np.zeros(count, dtype=np.int8),
+        limit_names=profile.limit_names,
+    )
+
+
+def facts_of(path):
+    """What is embedded in a page."""
+    found = re.findall(r'<script id="facts" type="application/json">(.*?)</script>', path.read_text("utf-8"), re.DOTALL)
+    assert len(found) == 1
+    return json.loads(found[0])
+
+
+def unpacked(packed):
+    kinds = {"float64": "<f8", "float32": "<f4", "int32": "<i4", "int8": "|i1"}
+    return np.frombuffer(base64.b64decode(packed["data"]), kinds[packed["type"]])
+
+
+@pytest.fixture(scope="module")
+def profile():
+    return plan_along(CIRCLE, MOTION, LIMITS)
+
+
+@pytest.fixture(scope="module")
+def verdict(profile):
+    return judged(profile, planning_time=0.25)
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory, verdict):
+    path = tmp_path_factory.mktemp("report") / "report.html"
+    write_report(path, verdict, lines=lines_along(verdict.profile, FORTIETHS, dwell=True))
+    return path
+
+
+@pytest.fixture(scope="module")
+def facts(page):
+    return facts_of(page)
+
+
+class TestNumbers:
+    def test_feed_acceleration_and_jerk_are_those_of_the_motion(self, facts, profile):
+        t = unpacked(facts["plan"]["t"])
+        low = {name: unpacked(values) for name, values in facts["plan"]["low"].items()}
+        assert not facts["plan"]["thinned"]
+        assert (t[0], t[-1]) == (0.0, profile.duration)
+        assert np.all(np.diff(t) > 0.0)
+        s, feed, acceleration, _ = MOTION(t)
+        assert low["feed"] == pytest.approx(feed, abs=1e-4)
+        assert low["acceleration"] == pytest.approx(acceleration, abs=0.02)
+        assert low["jerk"] == pytest.approx(profile.at(t).jerk, rel=1e-6, abs=0.1)
+        assert np.abs(low["jerk"]).max() == pytest.approx(JERK, rel=1e-3)
+        assert unpacked(facts["plan"]["s"]) == pytest.approx(s, abs=1e-4)
+        assert unpacked(facts["plan"]["u"]) == pytest.approx(profile.at(t).u, abs=1e-12)
+
+    def test_the_axes_use_shares_of_their_limits(self, facts, profile):
+        t = unpacked(facts["plan"]["t"])
+        h = 1e-4
+        inner = (t > 2 * h) & (t < profile.duration - 2 * h)
+        at = t[inner]
+        positions = [CIRCLE.derivatives(profile.at(at + k * h).u, 0)[0] for k in (-1, 0, 1)]
+        second = (positions[2] - 2.0 * positions[1] + positions[0]) / h**2
+        for j, axis in enumerate("XY"):
+            share = unpacked(facts["plan"]["low"][f"acceleration {axis}"])[inner]
+            assert share == pytest.approx(second[:, j] / LIMITS.acceleration[j], abs=2e-3)
+        assert "jerk X" in facts["plan"]["low"]
+        assert "jerk Y" not in facts["plan"]["low"]  # has no limit
+
+    def test_the_path_lies_on_the_circle(self, facts):
+        x, y = (unpacked(column) for column in facts["plan"]["position"])
+        assert np.hypot(x - RADIUS, y) == pytest.approx(RADIUS, abs=1e-4)
+        assert np.ptp(x) == pytest.approx(2.0 * RADIUS, abs=1e-2)
+
+    def test_limits_on_the_feed(self, facts):
+        low = {name: unpacked(values) for name, values in facts["plan"]["low"].items()}
+        assert set(low["feed limit"]) == {np.float32(LIMITS.feed)}
+        # the normal acceleration v^2/r is all on one axis four times a turn
+        top = np.sqrt(LIMITS.acceleration.max() * RADIUS)
+        assert low["limit at steady feed"].min() == pytest.approx(np.sqrt(LIMITS.acceleration.min() * RADIUS), rel=1e-3)
+        assert low["limit at steady feed"].max() >= top
+
+    def test_chord_error_is_the_sagitta_of_a_period(self, facts, verdict):
+        error = unpacked(facts["chords"]["low"]["chord error"])
+        assert error.size == verdict.samples.t.size - 1
+        sagitta = RADIUS * (1.0 - np.cos(0.5 * FEED * LIMITS.period / RADIUS))
+        assert error.max() == pytest.approx(sagitta, rel=1e-3)
+
+    def test_what_binds_adds_up_to_the_shares(self, facts, profile):
+        t, binding = unpacked(facts["plan"]["t"]), unpacked(facts["plan"]["binding"])
+        for name, share in profile.shares().items():
+            held = np.diff(t)[binding[:-1] == profile.limit_names.index(name)].sum()
+            assert held / profile.duration == pytest.approx(share, abs=0.01)
+        assert facts["limit_names"] == list(profile.limit_names)
+
+    def test_the_verdict_is_all_there(self, facts, verdict):
+        said = json.loads(to_json(verdict))
+        assert {key: facts[key] for key in said} == said
+        assert facts["limits"] == {"feed": 120.0, "acceleration": None, "jerk": None, "chord error": 1e-3}
+        assert facts["version"] == __version__
+
+    def test_sensitivities_and_origin(self, tmp_path, profile):
+        told = dataclasses.replace(profile, stats={"saved_by_one_percent": {"feed": 0.016, "jerk X": 0.003}})
+        write_report(tmp_path / "r.html", judged(told, facts=(("program", "45 lines"),)))
+        found = facts_of(tmp_path / "r.html")
+        assert found["saved_by_one_percent_s"] == {"feed": 0.016, "jerk X": 0.003}
+        assert found["origin"] == [["program", "45 lines"]]
+        assert found["lines"] is None
+
+    def test_a_rotary_machine_shows_the_tip(self, tmp_path):
+        curve = NurbsCurve([[0, 0], [20, 1], [40, 0], [60, 2]], [0, 0, 0, 0, 1, 1, 1, 1], 3, axes=("X", "C"))
+        limits = load_limits("five-axis").for_curve(curve)
+        write_report(
+            tmp_path / "r.htm", judged(plan_along(curve, scurve(curve.length, 20.0, 100.0, 2000.0), limits), limits)
+        )
+        found = facts_of(tmp_path / "r.htm")
+        assert found["tip_axes"] == list(curve.tip.axes)
+        assert len(found["plan"]["position"]) == curve.tip.dim
+
+    def test_the_same_plan_gives_the_same_page(self, tmp_path, verdict):
+        for name in ("a.html", "b.html"):
+            write_report(tmp_path / name, verdict)
+        assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
+
+
+class TestThinning:
+    @pytest.mark.parametrize("most", [40, 333])
+    def test_every_bucket_holds_the_plan_between_its_extremes(self, profile, most):
+        traces = trace_plan(CIRCLE, LIMITS, profile, most)
+        assert traces.thinned
+        assert traces.t.size == most
+        t = np.linspace(0.0, profile.duration, 20_001)
+        states = profile.at(t)
+        bucket = np.clip(np.searchsorted(traces.t, t, side="right") - 1, 0, most - 1)
+        for name in ("feed", "acceleration", "jerk"):
+            values = getattr(states, name)
+            room = 0.02 * np.abs(values).max()  # what may happen between the points of an interval
+            assert np.all(values >= traces.low[name][bucket] - room)
+            assert np.all(values <= traces.high[name][bucket] + room)
+            assert traces.high[name].max() == pytest.approx(values.max(), rel=2e-3)
+            assert traces.low[name].min() == pytest.approx(values.min(), rel=2e-3, abs=1e-3)
+        assert np.all(traces.low["feed"] <= traces.high["feed"])
+
+    def test_one_short_peak_among_many_nodes_stays(self):
+        times = np.linspace(0.0, MOTION.duration, 30_001)
+        fine = plan_along(CIRCLE, MOTION, LIMITS, times)
+        acceleration = fine.u_acceleration.copy()
+        acceleration[12_345] *= 1.5  # one node of 30 001
+        bent = make_profile(CIRCLE, LIMITS, (fine.t, fine.u, fine.u_rate, acceleration), method="bent")
+        before, after = (trace_plan(CIRCLE, LIMITS, plan, 200) for plan in (fine, bent))
+        changed = np.flatnonzero(after.high["jerk"] > 2.0 * JERK)
+        assert changed.size == 1
+        assert after.t[changed[0]] <= bent.t[12_345] <= after.t[changed[0] + 1]
+        assert before.high["jerk"].max() < 1.01 * JERK
+
+    def test_the_limit_that_binds_for_longest_names_the_bucket(self, profile):
+        binding = np.array([0] * (profile.t.size - 60) + [1] * 50 + [2] * 10, dtype=np.int8)
+        traces = trace_plan(CIRCLE, LIMITS, dataclasses.replace(profile, binding=binding), 12)
+        middle = 0.5 * (profile.t[1:] + profile.t[:-1])
+        start = np.concatenate([[0.0], middle])
+        end = np.append(middle, profile.duration)
+        for k in range(11):
+            inside = np.minimum(end, traces.t[k + 1]) - np.maximum(start, traces.t[k])
+            time = [inside[(binding == kind) & (inside > 0.0)].sum() for kind in range(3)]
+            assert traces.binding[k] == int(np.argmax(time))
+
+    @staticmethod
+    def uneven_samples(seed):
+        """Samples of the circle at random parameters: chords of up to 25 degrees, some over the joint of two pieces."""
+        u = np.sort(np.random.default_rng(seed).uniform(*CIRCLE.domain, 200))
+        u[0], u[-1] = CIRCLE.domain
+        return Samples(1e-3, 1e-3 * np.arange(200), u, CIRCLE.derivatives(u, 0)[0])
+
+    @pytest.mark.parametrize(
+        "seeds", [range(0, 1001, 20), pytest.param(range(1001), marks=pytest.mark.slow)], ids=["some", "all"]
+    )
+    def test_chord_errors_are_those_of_the_closed_form(self, seeds):
+        for seed in seeds:
+            samples = self.uneven_samples(seed)
+            angle = np.diff(CIRCLE.arclength.s(samples.u)) / RADIUS
+            error = trace_chord_error(CIRCLE, samples, 1000).low["chord error"]
+            assert error == pytest.approx(RADIUS * (1.0 - np.cos(0.5 * angle)), rel=2e-4, abs=1e-6), seed
+
+    @settings(max_examples=20)
+    @given(seed=st.integers(0, 1000), most=st.integers(2, 60))
+    def test_chords_keep_their_extremes(self, seed, most):
+        samples = self.uneven_samples(seed)
+        whole, thin = trace_chord_error(CIRCLE, samples, 1000), trace_chord_error(CIRCLE, samples, most)
+        error = whole.low["chord error"]
+        bucket = np.clip(np.searchsorted(thin.t, whole.t, side="right") - 1, 0, most - 1)
+        assert thin.t.size == most
+        assert np.array_equal(np.unique(bucket), np.arange(most))
+        for k in range(most):
+            assert thin.low["chord error"][k] == error[bucket == k].min()
+            assert thin.high["chord error"][k] == error[bucket == k].max()
+
+
+class TestLines:
+    def test_the_line_at_every_time(self, facts, profile):
+        found = facts["lines"]
+        start = np.cumsum(unpacked(found["step"]).astype(float))
+        assert unpacked(found["first"]).tolist() == [10 + 2 * k for k in range(40)]
+        assert found["last"] is None
+        s = np.linspace(0.0, CIRCLE.length, 41)[:-1]
+        assert MOTION(start)[0] == pytest.approx(s, abs=1e-3)
+        assert (found["count"], found["dwell"], found["tool_changes"]) == (40, 0.25, 0)
+        assert found["seconds"] == pytest.approx(profile.duration, rel=1e-12)
+
+    def test_the_longest_lines_come_first(self, facts, profile):
+        top = facts["lines"]["top"]
+        assert top["line"][0] == 16  # the dwell counts
+        total = np.array(top["seconds"]) + top["dwell"]
+        assert np.all(np.diff(total) <= 0.0)
+        assert np.array(top["end"]) - top["start"] == pytest.approx(np.array(top["seconds"]), abs=1e-9)
+        assert sum(top["length"]) == pytest.approx(CIRCLE.length)
+
+    def test_very_many_lines_share_entries(self, tmp_path, monkeypatch, verdict):
+        monkeypatch.setattr(feedplan.page, "_MOST_LINES", 15)
+        monkeypatch.setattr(feedplan.page, "_TOP_LINES", 7)
+        write_report(tmp_path / "r.html", verdict, lines=lines_along(verdict.profile, FORTIETHS))
+        found = facts_of(tmp_path / "r.html")["lines"]
+        assert found["group"] == 3
+        assert unpacked(found["first"]).tolist() == [10 + 6 * k for k in range(14)]
+        assert unpacked(found["last"]).tolist() == [*(14 + 6 * k for k in range(13)), 88]
+        assert len(found["top"]["line"]) == 7
+        assert found["count"] == 40
+
+    def test_lines_of_another_plan_are_refused(self, tmp_path, verdict):
+        lines = dataclasses.replace(lines_along(verdict.profile, FORTIETHS), limit_names=("none", "feed"))
+        with pytest.raises(InputError, match="the lines are of another plan than circle"):
+            write_report(tmp_path / "r.html", verdict, lines=lines)
+        assert list(tmp_path.iterdir()) == []
+
+
+class _Tags(HTMLParser):
+    def __init__(self):
+        super().__init__()
+        self.found = []
+
+    def handle_starttag(self, tag, attributes):
+        self.found.append((tag, dict(attributes)))
+
+
+class TestPage:
+    def test_nothing_is_loaded(self, page):
+        text = page.read_text("utf-8")
+        outside = (
+            r"https?:",
+            "@import",
+            r"url\(",
+            r"\bfetch\(",
+            "XMLHttpRequest",
+            "WebSocket",
+            r"\bimport\(",
+            "sendBeacon",
+        )
+        assert [pattern for pattern in outside if re.search(pattern, text)] == []
+        tags = _Tags()
+        tags.feed(text)
+        assert {tag for tag, attributes in tags.found if "src" in attributes} == set()
+        assert [attributes["href"] for _, attributes in tags.found if "href" in attributes] == ["data:,"]
+        (policy,) = [a["content"] for _, a in tags.found if a.get("http-equiv") == "Content-Security-Policy"]
+        assert policy.startswith("default-src 'none';")
+
+    def test_names_end_no_element(self, tmp_path, profile):
+        named = NurbsCurve([[0, 0], [20, 1], [40, 0], [60, 2]], [0, 0, 0, 0, 1, 1, 1, 1], 3, name=NASTY)
+        plan = plan_along(named, scurve(named.length, 50.0, 500.0, 5000.0))
+        limits = load_limits("mill").for_curve(named)
+        told = dataclasses.replace(plan, stats={"notes": [NASTY]})
+        write_report(tmp_path / "r.html", dataclasses.replace(judged(told, limits), machine=NASTY))
+        found = facts_of(tmp_path / "r.html")
+        assert (found["curve"]["name"], found["machine"], found["notes"]) == (NASTY, NASTY, [NASTY])
+        tags = _Tags()
+        tags.feed((tmp_path / "r.html").read_text("utf-8"))
+        assert [tag for tag, _ in tags.found].count("script") == 2
+        assert "b" not in [tag for tag, _ in tags.found]
+
+    def test_a_million_lines_stay_below_15_mb(self, tmp_path):
+        nodes, count, duration = 70_000, 1_000_000, 2000.0
+        t = np.linspace(0.0, duration, nodes)
+        span, w = np.ptp(CIRCLE.domain), 2.0 * np.pi * 400 / duration
+        u = CIRCLE.domain[0] + span * (t / duration + 0.7 * (np.cos(w * t) - 1.0) / (w * duration))
+        rate, change = span / duration * (1.0 - 0.7 * np.sin(w * t)), -span / duration * 0.7 * w * np.cos(w * t)
+        profile = make_profile(CIRCLE, LIMITS, (t, u.clip(*CIRCLE.domain), rate, change), method="waves")
+        at = np.linspace(0.0, duration, 100_000)
+        samples = Samples(at[1], at, np.interp(at, t, profile.u), np.zeros((at.size, 2)))
+        verdict = Verdict(profile, LIMITS, "mill", samples, Report(()), Report(()))
+        edges = np.linspace(*CIRCLE.domain, count + 1)
+        one = np.ones(count)
+        lines = LineTimes(
+            line=np.arange(1, count + 1), kind=one.astype(np.int8), length=one, u_start=edges[:-1].copy(),
+            u_end=edges[1:].copy(), seconds=duration / count * one, binding=one.astype(np.int8), share=one.copy(),
+            dwell=one.copy(), tool_changes=one.astype(np.int8), limit_names=profile.limit_names,
+        )  # fmt: skip
+        write_report(tmp_path / "r.html", verdict, lines=lines)
+        size = (tmp_path / "r.html").stat().st_size
+        assert 8e6 < size < 15e6
+        found = facts_of(tmp_path / "r.html")
+        assert found["lines"]["count"] == count
+        assert unpacked(found["plan"]["t"]).size >= 40_000
+        assert np.abs(unpacked(found["plan"]["high"]["feed"])).max() == pytest.approx(profile.feed.max(), rel=1e-4)
+
+    @pytest.mark.parametrize("dim", [2, 3, 5, 6])
+    def test_the_bound_holds_for_any_number_of_axes(self, dim):
+        points = feedplan.page._most_points(dim, min(dim, 3))
+        plan = points * (8 + 8 + 4 + 1 + 4 * min(dim, 3) + 2 * 4 * (5 + 2 * dim))
+        chords = feedplan.page._MOST_CHORDS * (8 + 2 * 4)
+        lines = feedplan.page._MOST_LINES * 3 * 4
+        assert points >= 20_000
+        assert (plan + chords + lines) * 4 / 3 < 14e6  # which leaves 1 MB for the text
+
+    def test_another_suffix_or_no_directory_is_refused(self, tmp_path, verdict):
+        with pytest.raises(InputError, match=r'plan.pdf: the suffix "\.pdf" must be \.html or \.htm'):
+            require_report(tmp_path / "plan.pdf")
+        with pytest.raises(InputError, match="there is no directory"):
+            write_report(tmp_path / "missing" / "plan.html", verdict)
+        assert list(tmp_path.iterdir()) == []
+
+
+class TestCommandLine:
+    @pytest.fixture
+    def run(self, capsys):
+        def command(*arguments):
+            with pytest.raises(SystemExit) as stop:
+                app([str(argument) for argument in arguments], prog_name="feedplan")
+            out, err = capsys.readouterr()
+            return stop.value.code or 0, out, err
+
+        return command
+
+    def test_a_table_becomes_a_page(self, run, tmp_path, profile):
+        write_table(tmp_path / "t.csv", profile, LIMITS)
+        code, out, err = run("report", tmp_path / "t.csv", "circle", "-o", tmp_path / "r.html", "--json")
+        facts = json.loads(out)
+        assert (code, err) == (0 if facts["ok"] else 1, "")
+        found = facts_of(tmp_path / "r.html")
+        assert {key: found[key] for key in facts} == facts
+        assert facts["files"] == [str(tmp_path / "r.html")]
+
+    def test_plan_writes_one_beside_its_table(self, run, tmp_path):
+        code, out, _ = run("plan", "teardrop", "--intervals", 60, "--report", tmp_path / "r.html")
+        assert code == 0
+        assert f"{facts_of(tmp_path / 'r.html')['duration_s']:.6g} s" in out
+        assert facts_of(tmp_path / "r.html")["saved_by_one_percent_s"]["feed"] > 0.0
+
+    @pytest.mark.parametrize("command", [("report", "t.csv", "circle", "-o"), ("plan", "circle", "--report")])
+    def test_a_bad_name_is_refused_before_the_work(self, run, command):
+        code, out, err = run(*command, "report.pdf")
+        assert (code, out) == (2, "")
+        assert err == 'error: report.pdf: the suffix ".pdf" must be .html or .htm\n'
+
+
+def opened(path, folder, *options, place=""):
+    """Open a page in a headless browser; returns what it writes, after making sure that no script failed."""
+    done = subprocess.run(
+        [
+            str(BROWSER), "--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--no-first-run",
+            "--enable-logging=stderr", f"--user-data-dir={folder}/browser", "--window-size=1280,1000",
+            "--virtual-time-budget=1000", *options, f"file://{path}{place}",
+        ],
+        capture_output=True, text=True, timeout=60, check=True,
+    )  # fmt: skip
+    assert "CONSOLE" not in done.stderr
+    return done.stdout
+
+
+def text_of(dom, name):
+    """Text of the element with this id."""
+    found = re.search(rf'<(\w+)[^>]* id="{name}"[^>]*>(.*?)</\1>', dom, re.DOTALL)
+    assert found, name
+    return re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", found[2]).replace("&nbsp;", " ")).strip()
+
+
+# Acts as a person would: drags over the first panel, turns the wheel, asks for a line, and sorts the table.
+ACTS = """
+Element.prototype.setPointerCapture = () => {};
+const panel = document.querySelector("#charts .plot"), box = panel.getBoundingClientRect(), seen = {};
+const mouse = { pointerId: 1, pointerType: "mouse", bubbles: true, clientY: box.top + 20 };
+const send = (kind, t) => {
+  const clientX = box.left + LEFT + t / duration * (box.width - LEFT - RIGHT);
+  panel.dispatchEvent(new PointerEvent(kind, { ...mouse, clientX }));
+};
+seen.readout = [...byId("readout").children].map((item) => item.textContent).join("\\n");
+send("pointerdown", 1.0); send("pointermove", 1.5); send("pointermove", 2.0); send("pointerup", 2.0);
+seen.dragged = [view.from, view.to];
+const wheel = { deltaY: -100, ctrlKey: true, bubbles: true, cancelable: true, clientX: box.left + box.width / 2 };
+panel.dispatchEvent(new WheelEvent("wheel", wheel));
+seen.wheeled = view.to - view.from;
+byId("over-time").dispatchEvent(new KeyboardEvent("keydown", { key: "0" }));
+seen.all = [view.from, view.to];
+byId("goto-line").value = 30;
+byId("goto").dispatchEvent(new Event("submit", { cancelable: true }));
+seen.line = [view.from, view.to];
+byId("line-table").querySelector("th button").click();
+seen.sorted = [...byId("line-table").tBodies[0].rows].map((row) => Number(row.cells[0].textContent));
+byId("limits").tBodies[0].rows[0].click();
+seen.limit = view.at;
+document.body.dataset.seen = JSON.stringify(seen);
+"""
+
+
+@pytest.fixture(scope="module")
+def dom(page):
+    """The page of a curve with a nasty name, pointed at one time, after hands were on it."""
+    folder = page.parent
+    name = json.dumps(NASTY).replace("<", "\\u003c")
+    text = page.read_text("utf-8").replace('"name":"circle"', f'"name":{name}')
+    (folder / "handled.html").write_text(text.replace("</body>", f"<script>{ACTS}</script></body>"), "utf-8")
+    return opened(folder / "handled.html", folder, "--dump-dom", place=f"#at={AT}")
+
+
+@pytest.fixture(scope="module")
+def seen(dom):
+    return json.loads(re.search(r'data-seen="([^"]*)"', dom)[1].replace("&quot;", '"'))
+
+
+@IN_BROWSER
+class TestBrowser:
+    def test_everything_is_drawn_without_an_error(self, dom, profile):
+        assert 'data-state="ready"' in dom
+        assert dom.count("<canvas") == 2 * (1 + 1 + 6 + 1)  # path, overview, panels, lanes
+        assert f"{profile.duration:.6g} s" in text_of(dom, "tiles")
+        assert "acceleration Y 2000 mm/s²" in text_of(dom, "limits")
+
+    def test_names_stay_text(self, dom):
+        assert re.search(r"<title>(.*?)</title>", dom)[1].startswith("&lt;/script&gt;&lt;script&gt;")
+        assert text_of(dom, "name").startswith("&lt;/script&gt;&lt;script&gt;")
+
+    def test_what_is_under_the_pointer(self, seen, profile):
+        state = profile.at(AT)
+        names = ["t", "u", "s", "feed", "held back by", "line"]
+        found = re.fullmatch(
+            "".join(rf"{name}(?P<{name[0]}>.+?)(?: s| mm| mm/s)?\n" for name in names), seen["readout"] + "\n"
+        )
+        assert found, seen["readout"]
+        numbers = [float(found[name]) for name in "tusf"]
+        assert numbers == pytest.approx([AT, float(state.u), float(state.s), float(state.feed)], rel=1e-4)
+        nearest = int(np.argmin(np.abs(profile.t - AT)))
+        assert found["h"] == profile.limit_names[profile.binding[nearest]].replace("none", "no limit")
+        assert int(found["l"]) == 10 + 2 * int(state.s / (CIRCLE.length / 40))
+
+    def test_it_answers_to_hands(self, seen, profile):
+        assert seen["dragged"] == pytest.approx([1.0, 2.0], abs=0.01)
+        assert seen["wheeled"] == pytest.approx(1.0025**-100, rel=1e-3)
+        assert seen["all"] == [0.0, profile.duration]
+        start, end = times_at(profile, FORTIETHS[[10, 11]])
+        assert seen["line"][0] < start < end < seen["line"][1]
+        assert seen["line"][1] - seen["line"][0] < 1.5 * (end - start)
+        assert seen["sorted"] == [10 + 2 * k for k in range(20)]
+        assert seen["limit"] == pytest.approx(check(CIRCLE, LIMITS, profile).row("feed").t)
+
+    @pytest.mark.parametrize(("dark", "paper"), [(False, (255, 255, 255)), (True, (18, 21, 24))])
+    def test_the_path_is_drawn_by_feed_in_light_and_dark(self, page, tmp_path, dark, paper):
+        from matplotlib.image import imread
+
+        scheme = ["--blink-settings=preferredColorScheme=0"] if dark else []
+        opened(page, page.parent, f"--screenshot={tmp_path}/shot.png", *scheme)
+        pixels = np.round(255.0 * imread(tmp_path / "shot.png")[..., :3]).astype(int).reshape(-1, 3)
+        assert np.array_equal(pixels[0], paper)
+        # the fastest stretch is the largest part of the path, in the last colour of the ramp
+        last = (253, 231, 37) if dark else (210, 226, 27)
+        assert np.count_nonzero(np.abs(pixels - last).max(axis=1) <= 12) > 1000

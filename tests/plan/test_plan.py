@@ -1,0 +1,196 @@
+"""Plans of whole paths: durations against reference optima, and feasibility between the nodes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from plan_cases import OPTIMA, line, plane, s_curve_time, worst
+
+from interp import replay
+from planner import Curve, InputError, Limits, certify, check, load_curve, load_limits, plan_feedrate
+from planner.geometry.formula import FormulaCurve
+from planner.geometry.nurbs import NurbsCurve
+from planner.output.plots import plot_plan, save_plot
+
+CASES = [
+    pytest.param(name, scale, feed, with_jerk[k], without[k], id=f"{name}-{feed:g}")
+    for (name, scale), (with_jerk, without) in OPTIMA.items()
+    for k, feed in enumerate((100.0, 300.0))
+]
+
+
+@pytest.mark.parametrize(("name", "scale", "feed", "optimum", "without_jerk"), CASES)
+def test_optimal_plan_reaches_the_reference_optimum_and_keeps_every_limit(
+    name: str, scale: float, feed: float, optimum: float, without_jerk: float
+) -> None:
+    curve, limits = load_curve(name, scale=scale), plane(feed)
+    profile = plan_feedrate(curve, limits)
+    assert optimum * (1.0 - 1e-4) <= profile.duration <= optimum * 1.0005
+    assert profile.stats["status"] == "optimal"
+    assert 0.99 <= worst(curve, limits, profile) <= 1.0 + 1e-6
+    assert worst(curve, limits, replay(curve, profile)) <= 1.0 + 1e-6
+    assert without_jerk * 0.998 <= profile.lower_bound <= profile.duration
+    assert not check(curve, limits, replay(curve, plan_feedrate(curve, plane(feed, jerk=[20300.0] * 2)))).ok
+
+
+@pytest.mark.parametrize(("name", "scale", "feed", "optimum", "without_jerk"), CASES)
+def test_toppra_gives_the_optimum_without_jerk_limit(
+    name: str, scale: float, feed: float, optimum: float, without_jerk: float
+) -> None:
+    profile = plan_feedrate(load_curve(name, scale=scale), plane(feed), method="toppra")
+    assert profile.lower_bound == pytest.approx(without_jerk, rel=2e-3)
+    assert profile.duration < optimum
+    report = check(profile.curve, plane(feed), profile)
+    assert not report.ok
+    kinds = {row.limit for row in report.violations}
+    assert "step on a smooth path" in kinds
+    assert kinds <= {"jerk", "jerk at a curvature break", "acceleration step", "step on a smooth path"}
+
+
+@pytest.mark.parametrize("name", ["teardrop", "circle"])
+def test_ipopt_agrees_with_our_solver(name: str) -> None:
+    ours, reference = (
+        plan_feedrate(load_curve(name), plane(), method=method, intervals=300) for method in ("optimal", "nlp")
+    )
+    assert ours.duration == pytest.approx(reference.duration, rel=1e-4)
+    assert reference.duration == pytest.approx(OPTIMA[name, 1.0][0][0], rel=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "scale", "feed", "optimum", "without_jerk"), CASES)
+def test_ipopt_reaches_the_reference_optimum(
+    name: str, scale: float, feed: float, optimum: float, without_jerk: float
+) -> None:
+    curve = load_curve(name, scale=scale)
+    assert plan_feedrate(curve, plane(feed), method="nlp").duration == pytest.approx(optimum, rel=1e-3)
+    fine = plan_feedrate(curve, plane(feed), method="nlp", intervals=2000)
+    assert fine.duration == pytest.approx(optimum, rel=5e-4)
+
+
+@pytest.mark.slow
+def test_ipopt_on_the_five_axis_flank() -> None:
+    profile = plan_feedrate(load_curve("flank"), load_limits("five-axis"), method="nlp", intervals=500)
+    assert profile.duration == pytest.approx(8.031, rel=1e-2)
+
+
+def test_five_axis_flank() -> None:
+    curve, limits = load_curve("flank"), load_limits("five-axis")
+    profile = plan_feedrate(curve, limits)
+    assert 8.0305 <= profile.duration <= 8.035
+    worst(curve, limits, profile)
+    worst(curve, limits, replay(curve, profile))
+
+
+def test_butterfly_nurbs_with_its_radius_of_23_micrometres() -> None:
+    curve = load_curve("butterfly-nurbs")
+    limits = Limits(250.0, [np.inf] * 2, [2000.0] * 2, [20000.0] * 2)
+    profile = plan_feedrate(curve, limits)
+    assert 4.560 <= profile.duration <= 4.58
+    worst(curve, limits, profile)
+
+
+@pytest.mark.parametrize("length", [1e-6, 0.01, 0.3, 2.0, 5.1, 20.0, 100.0])
+def test_a_line_takes_the_time_of_the_s_curve(length: float) -> None:
+    profile = plan_feedrate(line(length), plane())
+    assert profile.duration == pytest.approx(s_curve_time(length, 100.0, 1000.0, 20000.0), rel=2e-4)
+    assert profile.duration >= s_curve_time(length, 100.0, 1000.0, 20000.0) * (1.0 - 1e-6)
+    worst(line(length), plane(), profile)
+
+
+@pytest.mark.parametrize("curve", [line(1e8), load_curve("circle", scale=1e6)], ids=["line", "circle"])
+def test_a_path_of_100_km_plans(curve: Curve) -> None:
+    profile = plan_feedrate(curve, plane())
+    assert profile.duration == pytest.approx(curve.length / 100.0, rel=1e-3)
+    worst(curve, plane(), profile)
+
+
+def test_a_circle_of_a_nanometre_plans() -> None:
+    curve = load_curve("circle", scale=1e-8)
+    worst(curve, plane(), plan_feedrate(curve, plane()))
+
+
+@pytest.mark.parametrize("factor", [1e-3, 1e3])
+def test_lengths_and_limits_in_another_unit_leave_the_duration(factor: float) -> None:
+    curve, other = load_curve("teardrop"), load_curve("teardrop", scale=factor)
+    scaled = Limits(100 * factor, [250 * factor] * 2, [1e3 * factor] * 2, [2e4 * factor] * 2, 1e-3 * factor)
+    first, second = plan_feedrate(curve, plane()), plan_feedrate(other, scaled)
+    assert second.duration == pytest.approx(first.duration, rel=1e-9)
+
+
+def test_time_in_another_unit_scales_the_duration() -> None:
+    curve = load_curve("teardrop")
+    slow = Limits(10.0, [25.0] * 2, [10.0] * 2, [20.0] * 2, 1e-3, period=1e-2)
+    assert plan_feedrate(curve, slow).duration == pytest.approx(10.0 * plan_feedrate(curve, plane()).duration, rel=1e-9)
+
+
+def test_running_the_path_backwards_takes_as_long() -> None:
+    curve = load_curve("snailshell", scale=10)
+    assert isinstance(curve, FormulaCurve)
+    backwards = {axis: text.replace("u", "(3*pi-u)") for axis, text in curve.expressions.items()}
+    # the function names of these expressions contain no u
+    other = FormulaCurve(backwards, curve.domain, scale=10.0)
+    first, second = (plan_feedrate(c, plane()).duration for c in (curve, other))
+    assert second == pytest.approx(first, rel=2e-4)
+
+
+def test_the_same_input_gives_the_same_plan() -> None:
+    first, second = (plan_feedrate(load_curve("teardrop"), plane()) for _ in range(2))
+    for name in ("t", "u", "u_rate", "u_acceleration", "binding"):
+        assert np.array_equal(getattr(first, name), getattr(second, name))
+
+
+def test_tangential_and_chord_limits_bind() -> None:
+    curve = load_curve("teardrop")
+    tangential = plane(tangential_acceleration=300.0, tangential_jerk=3000.0)
+    profile = plan_feedrate(curve, tangential)
+    assert {"tangential acceleration", "tangential jerk"} <= set(profile.shares())
+    worst(curve, tangential, profile)
+    chord = plane(300.0, chord_error=1e-4)
+    profile = plan_feedrate(curve, chord)
+    assert profile.shares()["chord error"] > 0.1
+    worst(curve, chord, profile)
+
+
+def test_certified_bound_meets_the_plan() -> None:
+    curve, limits = load_curve("circle"), plane()
+    profile = plan_feedrate(curve, limits)
+    assert 0.998 * profile.duration <= certify(curve, limits, profile) <= profile.duration
+
+
+@pytest.mark.parametrize(("name", "scale"), list(OPTIMA))
+def test_plans_are_proven_global_optima(name: str, scale: float) -> None:
+    for feed in (100.0, 300.0):
+        curve, limits = load_curve(name, scale=scale), plane(feed)
+        profile = plan_feedrate(curve, limits)
+        assert 0.0 <= 1.0 - certify(curve, limits, profile) / profile.duration <= 5e-4
+
+
+def test_a_path_of_rotary_axes_alone_is_planned_checked_and_drawn(tmp_path: Path) -> None:
+    points = [[0.0, 0.0], [0.1, 0.3], [0.4, 0.5], [0.9, 0.6], [1.2, 0.2]]
+    curve = NurbsCurve(points, [0, 0, 0, 0, 0.5, 1, 1, 1, 1], 3, axes=["A", "C"], name="table")
+    limits = Limits(100.0, [2.0] * 2, [20.0] * 2, [400.0] * 2, chord_error=1e-3, axes=["A", "C"])
+    profile = plan_feedrate(curve, limits)
+    worst(curve, limits, profile)
+    worst(curve, limits, replay(curve, profile))
+    assert profile.duration - certify(curve, limits, profile) <= 1e-3 * profile.duration
+    save_plot(tmp_path / "table.png", plot_plan(curve, limits, profile))
+    with pytest.raises(InputError, match="the tool tip rests"):
+        plan_feedrate(curve, limits, method="scurve")
+
+
+@pytest.mark.parametrize("height", [1e-3, 1e-6])
+def test_features_of_micrometres_and_nanometres(height: float) -> None:
+    """A bump between two straight runs of 20 mm: two S-curves, and next to nothing on the bump itself."""
+    run = np.concatenate([[20.0, 10.0, 5.0], 2.5 * 0.3 ** np.arange(14)])
+    run = run[run > 3.0 * height]
+    x = np.concatenate([-run, height * np.arange(-2.0, 3.0), run[::-1]])
+    points = np.stack([x, np.where(np.abs(x) < 0.5 * height, height, 0.0)], axis=1)
+    s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+    knots = np.concatenate([[s[0]] * 4, np.convolve(s, np.ones(3) / 3.0, "valid")[1:-1], [s[-1]] * 4])
+    curve = NurbsCurve(points, knots, 3)
+    profile = plan_feedrate(curve, plane())
+    assert profile.stats["slowdown"] < 1.002
+    assert check(curve, plane(), profile).ok
+    assert profile.duration == pytest.approx(2.0 * s_curve_time(20.0, 100.0, 1000.0, 20000.0), rel=0.04)

@@ -1,0 +1,332 @@
+"""Rounds of refinement: what the next solve begins with, where limits are tightened, and which plan is kept."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from planner import Limits, load_curve
+from planner.errors import InfeasibleError, SolverError
+from planner.plan import refine
+from planner.plan import stage as stages
+from planner.plan.knots import place_knots, scan, with_blends
+from planner.plan.refine import Effort, Round
+from planner.plan.section import Section, cut
+from planner.plan.solvers import interior as optimal
+from planner.plan.stage import Attempt, Stage, Task
+from planner.plan.utilisation import Utilisation
+
+LIMITS = Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2)
+
+
+def task_of(name: str = "teardrop", intervals: int = 100, **feeds: float) -> tuple[Task, Stage]:
+    (section,) = cut(load_curve(name), LIMITS, feeds.get("start", 0.0), feeds.get("end", 0.0), exact_stop=False)
+    guess = scan(section, LIMITS, intervals)
+    section = with_blends(section, guess)
+    task = Task(section, LIMITS, guess, "optimal", False, np.inf, None)
+    return task, Stage.on(task, place_knots(section, guess, intervals))
+
+
+def used_of(**shares: Any) -> Utilisation:
+    rows = [np.asarray(shares.get(name, 0.0), dtype=float) for name in ("speed", "acceleration", "jerk", "backward")]
+    size = max(row.size for row in rows)
+    return Utilisation(*(np.broadcast_to(row, size).copy() for row in rows))
+
+
+def round_of(seconds: float = 1.0, slowdown: float = 1.0, forward: bool = True, number: int = 0) -> Round:
+    nodes = SimpleNamespace(t=np.array([0.0, seconds]), u=np.array([0.0, 1.0]))
+    return Round(number, nodes, used_of(speed=[slowdown]), slowdown, forward, {})  # type: ignore[arg-type]
+
+
+# ---- a solve that stalls -------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def solves(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, Any]]:
+    """Arguments of every solve from here on; ``statuses`` and ``slower`` plant what comes out of each."""
+    solve, calls = optimal.solve, []
+
+    def planted(problem: Any, start: Any, **options: Any) -> Any:
+        calls.append((problem, start.copy() if isinstance(start, np.ndarray) else start))  # a solve works in its start
+        found = solve(problem, start, **options)
+        factor = planted.slower[len(calls) - 1] if len(calls) <= len(planted.slower) else 1.0  # type: ignore[attr-defined]
+        if factor == np.inf:
+            raise SolverError("planted")
+        if factor == 1.0:
+            return found
+        return replace(found, status="stalled: planted", time=factor * found.time, x=found.x / factor**2)
+
+    planted.slower = []  # type: ignore[attr-defined]
+    monkeypatch.setattr(optimal, "solve", planted)
+    calls_of: Any = calls
+    return calls_of
+
+
+def planted_times(*factors: float) -> None:
+    optimal.solve.slower = list(factors)  # type: ignore[attr-defined]
+
+
+def test_a_solve_that_stalls_is_begun_anew_without_the_law_before_it(solves: list[tuple[Any, Any]]) -> None:
+    task, stage = task_of()
+    before = stage.solve(task, None)
+    planted_times(1.0, 1.5)
+    found = stage.solve(task, before)
+    assert len(solves) == 3
+    assert found.stats["status"] == "optimal"
+    assert found.law.x == pytest.approx(before.law.x, rel=1e-4)
+    # the third one knows neither the law nor the way to it
+    problem, start = solves[2]
+    assert problem is stage.problem
+    assert np.array_equal(start, optimal.start_from(stage.problem, stage.problem.guess))
+
+
+@pytest.mark.parametrize("again", [1.8, np.inf], ids=["worse", "none"])
+def test_a_stalled_solve_is_kept_where_the_second_is_no_better(solves: list[tuple[Any, Any]], again: float) -> None:
+    task, stage = task_of()
+    before = stage.solve(task, None)
+    planted_times(1.0, 1.5, again)
+    found = stage.solve(task, before)
+    assert len(solves) == 3
+    assert found.stats["status"] == "stalled: planted"
+    assert found.law.x == pytest.approx(before.law.x / 1.5**2, rel=1e-4)
+
+
+def test_a_first_solve_that_stalls_is_not_repeated(solves: list[tuple[Any, Any]]) -> None:
+    task, stage = task_of()
+    planted_times(1.5)
+    assert stage.solve(task, None).stats["status"] == "stalled: planted"
+    assert len(solves) == 1
+
+
+def test_a_solve_begins_at_the_law_before_it(solves: list[tuple[Any, Any]]) -> None:
+    task, stage = task_of()
+    before = stage.solve(task, None)
+    per_x = (stage.problem.length_unit / stage.problem.time_unit) ** 2
+    stage.solve(task, replace(before, waypoint=None))
+    stage.solve(task, before)
+    assert solves[1][0].guess * per_x == pytest.approx(before.law.x, rel=1e-12)
+    assert solves[2][1] is before.waypoint
+
+
+def test_a_failed_solve_is_infeasible_only_where_a_feed_is_prescribed(solves: list[tuple[Any, Any]]) -> None:
+    for feeds, error in (({}, SolverError), ({"start": 10.0}, InfeasibleError)):
+        task, stage = task_of(**feeds)
+        planted_times(*[np.inf] * (len(solves) + 1))
+        with pytest.raises(error, match="planted") as caught:
+            stage.solve(task, None)
+        assert caught.type is error
+
+
+# ---- tightening ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("gain", [1.0, 2.0])
+@pytest.mark.parametrize("row", ["speed", "acceleration", "jerk"])
+@pytest.mark.parametrize("half", [0, 1])
+def test_limits_are_tightened_in_an_interval_and_in_two_on_either_side(row: str, gain: float, half: int) -> None:
+    _, stage = task_of()
+    grid, at = stage.grid, 40
+    share = np.full(2 * grid.intervals, 0.9)
+    share[2 * at + half] = 1.01
+    margins = stages._margins(used_of(**{row: share}), grid, gain)
+    kinds = ["speed", "acceleration", "jerk"]
+    wanted = np.ones(2 * grid.sigma.size - 1)
+    wanted[2 * (at - 2) : 2 * (at + 3) + 1] = (1.0 + gain * 0.01) * (1.0 + stages._MARGIN_STEP)
+    for kind, margin in zip(kinds, margins, strict=True):
+        assert margin == pytest.approx(wanted if kind == row else np.ones(wanted.size), rel=1e-14), kind
+
+
+def test_tightening_divides_every_limit_but_a_prescribed_feed() -> None:
+    _, stage = task_of(start=100.0, end=60.0)
+    problem = stage.problem
+    margins = [1.0 + 0.1 * np.random.default_rng(k).uniform(0.5, 1.0, problem.cap.size) for k in range(3)]
+    tight = stages._tightened(problem, *margins)
+    assert tight.cap[1:-1] == pytest.approx((problem.cap / margins[0] ** 2)[1:-1], rel=1e-14)
+    assert tight.cap[0] == pytest.approx(problem.start, rel=2e-9)  # the feed limit itself is prescribed there
+    assert tight.cap[0] > problem.start
+    assert tight.cap[-1] == pytest.approx(problem.cap[-1] / margins[0][-1] ** 2, rel=1e-14)
+    assert np.array_equal(tight.acceleration, problem.acceleration * margins[1])
+    assert np.array_equal(tight.jerk, problem.jerk * margins[2])
+
+
+def test_a_reserve_is_left_from_its_parameter_on() -> None:
+    task, stage = task_of()
+    middle = 0.5 * sum(task.section.curve.domain)
+    kept = Stage.on(replace(task, section=replace(task.section, reserve=((middle, 0.2),))), stage.grid)
+    after = stage.path.u[0] >= middle
+    factor = np.where(after, 1.0 / 0.8, 1.0)
+    assert kept.problem.jerk == pytest.approx(stage.problem.jerk * factor, rel=1e-14)
+    assert kept.problem.acceleration == pytest.approx(stage.problem.acceleration * factor, rel=1e-14)
+    assert kept.problem.cap == pytest.approx(stage.problem.cap / factor**2, rel=1e-14)
+    assert 10 < np.count_nonzero(after) < after.size - 10
+
+
+def test_a_prescribed_feed_leaves_two_millionths_of_every_limit() -> None:
+    """Such a plan cannot be slowed down: what a solve uses too much between points must be left before."""
+    task, stage = task_of(start=30.0)
+    untouched = stages.build(task.section, task.limits, stage.grid, task.guess)[0]
+    assert stage.problem.jerk == pytest.approx(untouched.jerk * (1.0 + 2e-6), rel=1e-12)
+    assert stage.problem.cap[1:] == pytest.approx(untouched.cap[1:] / (1.0 + 2e-6) ** 2, rel=1e-12)
+
+
+# ---- the next round ------------------------------------------------------------------------------------------------
+
+
+def test_where_a_plan_is_far_too_fast_falls_back_or_is_idle_the_grid_is_halved() -> None:
+    task, stage = task_of()
+    attempt = stage.solve(task, None)
+    attempt = replace(attempt, unbound=np.zeros(stage.grid.intervals))
+    size = 2 * stage.grid.intervals
+    shares = np.full(size, 1.0001)
+    backward = np.zeros(size)
+    shares[20], shares[51], backward[81] = 1.0004, 1.01, 1e-9
+    attempt.unbound[60] = 1.0
+    finer, start = stage.next(task, attempt, used_of(speed=shares, backward=backward), may_split=True)
+    assert start.waypoint is None
+    assert finer.grid.intervals == stage.grid.intervals + 4
+    new = np.setdiff1d(finer.grid.sigma, stage.grid.sigma)
+    middles = 0.5 * (stage.grid.sigma[:-1] + stage.grid.sigma[1:])[[10, 25, 40, 60]]
+    assert new == pytest.approx(middles, rel=1e-6)
+
+
+@pytest.mark.parametrize("feeds", [{}, {"start": 30.0}])
+def test_a_tightened_solve_begins_on_the_way_of_the_last_unless_a_feed_is_prescribed(feeds: dict[str, float]) -> None:
+    task, stage = task_of(**feeds)
+    attempt = stage.solve(task, None)
+    share = np.full(2 * stage.grid.intervals, 1.002)
+    tighter, start = stage.next(task, attempt, used_of(jerk=share), may_split=False)
+    assert attempt.waypoint is not None
+    assert start.waypoint is (None if feeds else attempt.waypoint)
+    assert tighter.grid is stage.grid
+    assert tighter.problem.jerk == pytest.approx(stage.problem.jerk * 1.002 * (1.0 + stages._MARGIN_STEP), rel=1e-12)
+    reserved = replace(task, section=replace(task.section, reserve=((0.0, 0.1),)))
+    gain = 2.0 if feeds else 1.0  # only what continues another plan is tightened by more
+    tighter, _ = stage.next(reserved, attempt, used_of(jerk=share), may_split=False)
+    assert tighter.problem.jerk == pytest.approx(
+        stage.problem.jerk * (1.0 + 0.002 * gain) * (1.0 + stages._MARGIN_STEP), rel=1e-12
+    )
+
+
+def test_idle_is_the_share_of_the_time_in_which_nothing_binds() -> None:
+    task, stage = task_of()
+    attempt = stage.solve(task, None)
+    time = np.diff(attempt.law.nodes(stage.path).t).reshape(-1, 2).sum(axis=1)
+    some = np.zeros(time.size)
+    some[[3, 30, 31]] = 1.0, 0.5, 1.0
+    idle = replace(attempt, unbound=some).idle
+    assert idle == pytest.approx(float(time @ some / time.sum()), rel=5e-2)
+    assert 0.0 <= attempt.idle < 0.1
+    assert Attempt(attempt.law, None, np.ones(time.size), {}).idle == pytest.approx(1.0)
+
+
+def test_an_interval_is_idle_by_simpsons_rule(monkeypatch: pytest.MonkeyPatch) -> None:
+    task, stage = task_of()
+    used = np.ones(stage.problem.cap.size)
+    used[[20, 41, 60, 61, 62]] = 0.98
+    monkeypatch.setattr(type(stage.problem), "used", lambda *_: used)
+    found = stage.solve(task, None).unbound * 6.0
+    wanted = np.zeros(stage.grid.intervals)
+    wanted[[9, 10, 20, 29, 30, 31]] = 1.0, 1.0, 4.0, 1.0, 6.0, 1.0
+    assert found == pytest.approx(wanted)
+
+
+def test_the_larger_half_stands_for_an_interval_and_none_for_an_empty_one() -> None:
+    grid = SimpleNamespace(sigma=np.array([0.0, 1.0, 1.0, 3.0]))
+    # halves of the first, the empty one, halves of the last
+    values = np.array([0.3, 0.7, 9.0, 0.8, 0.2])
+    assert stages._by_interval(values, grid).tolist() == [0.7, 0.0, 0.8]  # type: ignore[arg-type]
+
+
+# ---- which plan is kept --------------------------------------------------------------------------------------------
+
+
+def test_forward_comes_first_then_the_sooner_or_where_feeds_are_prescribed_the_closer() -> None:
+    free, prescribed = task_of()[0], task_of(start=10.0)[0]
+    for task in (free, prescribed):
+        assert round_of(2.0, 1.5).is_better_than(round_of(1.0, 1.0, forward=False), task)
+        assert not round_of(1.0, 1.0, forward=False).is_better_than(round_of(2.0, 1.5), task)
+    sooner, closer = round_of(1.0, 1.2), round_of(1.1, 1.1)
+    assert sooner.is_better_than(closer, free)
+    assert not closer.is_better_than(sooner, free)
+    assert closer.is_better_than(sooner, prescribed)
+    assert not sooner.is_better_than(closer, prescribed)
+    assert not sooner.is_better_than(sooner, free)
+    assert not sooner.is_better_than(sooner, prescribed)
+
+
+def test_what_is_accepted() -> None:
+    free, prescribed = task_of()[0], task_of(start=10.0)[0]
+    assert round_of(slowdown=1.000002).is_accepted(free)
+    assert not round_of(slowdown=1.000003).is_accepted(free)
+    assert not round_of(slowdown=1.000002).is_accepted(prescribed)
+    assert round_of(slowdown=1.00000001).is_accepted(prescribed)
+    assert not round_of(forward=False).is_accepted(free)
+
+
+@pytest.mark.parametrize(
+    ("slowdown", "number", "free", "coarse"),
+    [
+        (1.0004, 0, True, False),
+        (1.0006, 0, True, True),
+        (1.0006, 0, False, False),
+        (1.04, 4, False, False),
+        (1.06, 0, False, True),
+        (1.0005, 5, False, False),
+        (1.0004, 4, True, False),
+        (1.0011, 5, True, True),
+        (1.0011, 5, False, True),
+    ],
+)
+def test_a_grid_is_too_coarse_where_tightening_does_not_help(
+    slowdown: float, number: int, free: bool, coarse: bool
+) -> None:
+    assert round_of(slowdown=slowdown, number=number).is_too_coarse(Effort(100, free)) is coarse
+    assert round_of(forward=False, number=number).is_too_coarse(Effort(100, free))
+
+
+@pytest.mark.parametrize(("slowdown", "said"), [(1.0009, False), (1.0021, True)])
+def test_a_slowing_down_is_said(slowdown: float, said: bool) -> None:
+    for before, after in (("optimal", "slowed down by 0.21 %"), ("budget", "budget")):
+        stats: dict[str, Any] = {"status": before, "notes": []}
+        refine.say_slowing_down(slowdown, 0.25, stats)
+        assert stats["status"] == (after if said else before)
+        assert len(stats["notes"]) == said
+        assert all("slowed down as a whole by 0.21 %" in note for note in stats["notes"])
+
+
+def test_a_plan_with_prescribed_feeds_that_exceeds_its_limits_is_refused() -> None:
+    free, prescribed = task_of()[0], task_of(start=10.0, end=5.0)[0]
+    refine._require_met(free, round_of(slowdown=1.5))
+    refine._require_met(prescribed, round_of(slowdown=1.0 + 0.9e-6))
+    with pytest.raises(
+        SolverError, match=r"start_feed = 10 to end_feed = 5 mm/s between u = 0 and 1 still exceeds .* 1\.000002 times"
+    ):
+        refine._require_met(prescribed, round_of(slowdown=1.000002))
+
+
+@pytest.mark.parametrize(
+    ("intervals", "share", "expected"),
+    [
+        (None, 1.0, (1000, True)),
+        (None, 0.3, (300, True)),
+        (None, 0.01, (200, True)),
+        (500, 0.5, (250, False)),
+        (500, 0.01, (24, False)),
+    ],
+)
+def test_the_effort_is_shared_among_sections(
+    intervals: int | None, share: float, expected: tuple[int, bool], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    section = SimpleNamespace(curve=SimpleNamespace(intervals_needed=lambda lo, hi: 10), u_start=0.0, u_end=1.0)
+    assert Effort.for_share(intervals, share, _as_section(section)) == Effort(*expected)
+    section.curve.intervals_needed = lambda lo, hi: 4000 if (lo, hi) == (0.0, 1.0) else 0
+    wanted = 4000 if intervals is None else expected[0]
+    assert Effort.for_share(intervals, share, _as_section(section)).intervals == wanted
+
+
+def _as_section(found: Any) -> Section:
+    return found  # type: ignore[no-any-return]

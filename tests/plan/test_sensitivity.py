@@ -1,0 +1,263 @@
+"""What a limit is said to cost, against plans with that limit changed, and against an identity that the whole must meet."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from program_blocks import line as block
+from program_blocks import program, rapid
+from strategies import random_nurbs
+
+from planner import Curve, FeedrateProfile, Limits, load_curve, load_limits, plan_feedrate
+from planner.geometry.curve import FeedCaps
+from planner.geometry.formula import FormulaCurve
+from planner.geometry.nurbs import NurbsCurve
+from planner.plan.knots import place_knots, scan, with_blends
+from planner.plan.rows import build
+from planner.plan.section import cut
+from planner.plan.sensitivity import SpeedBound
+from planner.programs.path.path import program_path
+from planner.types import FloatArray
+
+FREE = [np.inf] * 2
+INTERVALS = 2000
+# Seconds of plans with other limits differ by the noise of their grids, and bend over 1 %.
+TOLERANCE = 0.03  # of the largest saving
+
+
+def plane(feed: float = 100.0, **changes: Any) -> Limits:
+    return Limits(feed, **({"velocity": [250.0] * 2, "acceleration": [1000.0] * 2, "jerk": [20000.0] * 2} | changes))
+
+
+def quadratic(*points: tuple[float, float]) -> Curve:
+    """A line, a quarter circle of radius 10 mm, and a line or another quarter circle: the curvature jumps."""
+    w = np.sqrt(0.5)
+    last = 1.0 if points[-1][0] == points[-2][0] == points[-3][0] else w
+    return NurbsCurve(points, [0, 0, 0, 1, 1, 2, 2, 3, 3, 3], 2, [1, 1, 1, w, 1, last, 1])
+
+
+def blended(*blocks: Any) -> Curve:
+    return program_path(program(*blocks), 0.05, plane()).curve
+
+
+def square() -> Curve:
+    return NurbsCurve([[0, 0], [20, 0], [20, 20], [0, 20], [0, 0]], [0, 0, 1, 2, 3, 4, 4], 1)
+
+
+def ellipse() -> Curve:
+    return FormulaCurve({"X": "30*cos(u)", "Y": "10*sin(u)"}, (0.0, 2.0 * np.pi))
+
+
+ARC = ((-20, 0), (-10, 0), (0, 0), (10, 0), (10, 10), (10, 20), (10, 30))
+BEND = ((0, -20), (0, -10), (0, 0), (0, 10), (10, 10), (20, 10), (20, 20))
+BENDS = (block(40, 0), block(40, 20, feed=50.0), block(60, 30))
+Case = tuple[Curve, Limits, dict[str, Any]]
+CASES = {
+    "formula": lambda: (load_curve("snailshell", scale=10.0), plane(300.0), {}),
+    "five axes": lambda: (load_curve("flank"), load_limits("five-axis"), {}),
+    "sharp nurbs": lambda: (
+        load_curve("butterfly-nurbs"),
+        Limits(250.0, FREE, [2000.0, 3000.0], [20000.0, 30000.0]),
+        {},
+    ),
+    "slow axis": lambda: (load_curve("butterfly", scale=10.0), plane(300.0, velocity=[80.0, 150.0]), {}),
+    "random": lambda: (random_nurbs(3, 4, 2, spans=3), plane(jerk=[15000.0, 9000.0]), {}),
+    "three axes": lambda: (random_nurbs(5, 5, 3, spans=2), Limits(60.0, [90.0] * 3, [500.0] * 3, [5000.0] * 3), {}),
+    "line": lambda: (NurbsCurve([[0, 0], [30, 20]], [0, 0, 1, 1], 1), plane(), {}),
+    "corners": lambda: (square(), plane(jerk=[20000.0, 15000.0]), {}),
+    "jumps": lambda: (quadratic(*ARC), plane(jerk=[20000.0, 12000.0]), {}),
+    "jump from arc to arc": lambda: (quadratic(*BEND), plane(jerk=[20000.0, 12000.0]), {}),
+    "stops at jumps": lambda: (quadratic(*ARC), plane(), {"exact_stop": True}),
+    "tangential": lambda: (
+        load_curve("teardrop"),
+        plane(tangential_acceleration=300.0, tangential_jerk=4000.0),
+        {},
+    ),
+    "tangential jerk": lambda: (load_curve("teardrop"), plane(jerk=FREE, tangential_jerk=4000.0), {}),
+    "chord": lambda: (load_curve("teardrop"), plane(300.0, chord_error=1e-4), {}),
+    "chord as long as the radius": lambda: (
+        FormulaCurve({"X": "u", "Y": "2*cos(4*u)"}, (0.0, 6.0)),
+        Limits(np.inf, FREE, [20000.0] * 2, [2e6] * 2, chord_error=0.03, period=1e-2),  # radii from 0.031 mm
+        {},
+    ),
+    "periodic": lambda: (ellipse(), plane(300.0), {"periodic": True}),
+    "ramp": lambda: (ellipse(), plane(jerk=[20000.0, np.inf], period=5e-3), {}),
+    "feeds at the ends": lambda: (load_curve("teardrop"), plane(), {"start_feed": 30.0, "end_feed": 60.0}),
+    "jerk alone": lambda: (ellipse(), Limits(np.inf, FREE, FREE, [20000.0, 8000.0]), {}),
+    "program": lambda: (blended(*BENDS), plane(80.0), {}),
+    "rapids": lambda: (blended(rapid(40, 0), block(60, 0, feed=50.0), rapid(100, 0)), plane(80.0, rapid=120.0), {}),
+    "programmed feed": lambda: (blended(block(40, 0, feed=60.0), block(60, 0, feed=20.0)), plane(150.0), {}),
+}
+
+
+@cache
+def planned(name: str) -> tuple[Case, FeedrateProfile]:
+    case = CASES[name]()
+    curve, limits, options = case
+    return case, plan_feedrate(curve, limits, intervals=INTERVALS, **options)
+
+
+def with_changed(curve: Curve, limits: Limits, name: str, factor: float) -> tuple[Curve, Limits]:
+    """The same task with one limit, by its name in a plan, times a factor."""
+    if name == "programmed feed":
+        caps = curve.feed_caps
+        assert caps is not None
+        return replace(curve, feed_caps=FeedCaps(caps.edges, factor * caps.feed)), limits  # type: ignore[type-var]
+    names = ("feed", "velocity", "acceleration", "jerk", "chord_error", "period")
+    values: dict[str, Any] = {key: getattr(limits, key) for key in (*names, "axes")}
+    values |= {key: getattr(limits, key) for key in ("tangential_acceleration", "tangential_jerk", "rapid")}
+    key, axis = name.rsplit(" ", 1) if name.rsplit(" ", maxsplit=1)[-1] in limits.axes else (name, "")
+    key = key.replace(" ", "_")
+    if axis:
+        values[key] = values[key].copy()
+        values[key][limits.axes.index(axis)] *= factor
+    else:
+        values[key] *= factor
+    return curve, Limits(**values)
+
+
+def limited(curve: Curve, limits: Limits) -> list[str]:
+    """Names of all limits that are there."""
+    found = ["feed"] * bool(np.isfinite(limits.feed)) + ["chord error"] * bool(np.isfinite(limits.chord_error))
+    found += ["programmed feed"] * bool(curve.feed_caps is not None and np.isfinite(curve.feed_caps.feed).any())
+    found += ["rapid"] * bool(curve.feed_caps is not None and np.isfinite(limits.rapid))
+    for kind in ("acceleration", "jerk"):
+        found += [f"tangential {kind}"] * bool(np.isfinite(getattr(limits, f"tangential_{kind}")))
+    for kind in ("velocity", "acceleration", "jerk"):
+        found += [f"{kind} {a}" for a, v in zip(limits.axes, getattr(limits, kind), strict=True) if np.isfinite(v)]
+    return found
+
+
+SLOW = (
+    "formula",
+    "five axes",
+    "sharp nurbs",
+    "slow axis",
+    "random",
+    "three axes",
+    "line",
+    "jumps",
+    "stops at jumps",
+    "tangential jerk",
+    "jerk alone",
+)
+EVERY = [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in CASES]
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_what_is_said_to_be_saved_is_saved(name: str) -> None:
+    """What 1 % more of a limit saves <= what is said <= what 1 % less costs, for every limit, said to cost or not.
+
+    The two differ where a limit ceases or begins to bind, or two bind together: along a line at 45 degrees both axes have
+    the same jerk, more for one alone saves nothing, and what they are worth may be told of either.
+    """
+    (curve, limits, options), profile = planned(name)
+    said = profile.stats["saved_by_one_percent"]
+    names = limited(curve, limits)
+    assert set(said) <= set(names)
+    bounds = {}
+    for limit in names:
+        less, more = (
+            plan_feedrate(*with_changed(curve, limits, limit, k), intervals=INTERVALS, **options).duration
+            for k in (0.99, 1.01)
+        )
+        bounds[limit] = profile.duration - more, less - profile.duration
+    room = TOLERANCE * max(costs for _, costs in bounds.values())
+    assert room > 5e-6 * profile.duration
+    assert any(saves > 0.5 * costs > room for saves, costs in bounds.values())
+    for limit, (saves, costs) in bounds.items():
+        assert saves - room <= said.get(limit, 0.0) <= costs + room, limit
+
+
+WEIGHTS = {"feed": 1.0, "programmed": 1.0, "rapid": 1.0, "velocity": 1.0, "acceleration": 2.0, "jerk": 3.0}
+UNMOVED = ("jumps", "jump from arc to arc", "ramp", "feeds at the ends", "chord as long as the radius")
+
+
+@pytest.mark.parametrize("name", [name for name in CASES if name not in UNMOVED])
+def test_all_together_are_worth_the_whole_time(name: str) -> None:
+    """Slower by the factor k everywhere, a plan keeps limits divided by k (feed), k^2 (acceleration) and k^3 (jerk).
+
+    So T(V/k, A/k^2, J/k^3) = k T, and its derivative at k = 1 is
+
+        T = - sum_V V dT/dV - 2 sum_A A dT/dA - 3 sum_J J dT/dJ,
+
+    to which the chord error d, that allows a feed (2/P) sqrt(2 rho d) at the period P, adds 2 d dT/dd while d is small
+    against the radius rho.  What it excludes: feeds that are prescribed, and jumps of the curvature, whose limit J P
+    depends on the period as well, or ramps of axes without a jerk limit, a jerk of A / 8 P.
+    """
+    _, profile = planned(name)
+    kinds = WEIGHTS | {"chord": 2.0}
+    total = 0.0
+    for limit, saved in profile.stats["saved_by_one_percent"].items():
+        kind = limit.split(" ")[1] if limit.startswith("tangential") else limit.split(" ")[0]
+        total += 100.0 * saved * kinds[kind]
+    assert total == pytest.approx(profile.duration, rel=1e-3 if name == "chord" else 1e-4)
+
+
+def used(curve: Curve, limits: Limits, profile: FeedrateProfile, limit: str) -> FloatArray:
+    """Share of a limit of an axis that a plan uses, (n,), by the derivatives of the curve itself."""
+    kind, axis = limit.split(" ")
+    j = limits.axes.index(axis)
+    t = np.linspace(0.0, profile.duration, 20_001)
+    law = profile.at(t)
+    q = curve.derivatives(law.u, 3)[..., j]
+    u1, u2, u3 = law.u_rate, law.u_acceleration, law.u_jerk
+    values = {
+        "velocity": q[1] * u1,
+        "acceleration": q[2] * u1**2 + q[1] * u2,
+        "jerk": q[3] * u1**3 + 3.0 * q[2] * u1 * u2 + q[1] * u3,
+    }
+    return np.abs(values[kind]) / getattr(limits, kind)[j]
+
+
+@pytest.mark.parametrize(
+    "name", [name for name in CASES if name not in ("jumps", "jump from arc to arc", "ramp", "five axes")]
+)
+def test_a_limit_costs_time_where_it_holds_the_path_back_and_nowhere_else(name: str) -> None:
+    """Shares of the time and savings name the same limits; what never comes near its limit saves nothing."""
+    (curve, limits, _), profile = planned(name)
+    said, shares = profile.stats["saved_by_one_percent"], profile.shares()
+    assert sum(shares.values()) == pytest.approx(1.0, rel=1e-12)
+    largest = max(said.values())
+    held = {limit: said.get(limit, 0.0) for limit in limited(curve, limits)}
+    held["feed"] = (
+        held.get("feed", 0.0) + held.pop("programmed feed", 0.0) + held.pop("rapid", 0.0)
+    )  # shares do not tell who commands a feed
+    for limit, saved in held.items():
+        if saved > 0.01 * largest:
+            assert limit in shares
+        if shares.get(limit, 0.0) > 0.02:
+            assert saved > 1e-3 * largest, limit
+        if " " in limit and limit.split(" ")[1] in limits.axes and used(curve, limits, profile, limit).max() < 0.9:
+            assert saved < 1e-4 * largest
+            assert limit not in shares
+
+
+def test_a_feed_that_the_path_commands_is_not_the_machines() -> None:
+    _, profile = planned("programmed feed")
+    said = profile.stats["saved_by_one_percent"]
+    assert said.get("feed", 0.0) < 1e-6 * said["programmed feed"]
+
+
+@pytest.mark.parametrize(("angle", "binding"), [(30.0, "Y"), (44.9, "Y"), (45.1, "X"), (60.0, "X")])
+@pytest.mark.parametrize("turn", [1.0, -1.0])
+def test_at_a_jump_the_axis_across_the_path_has_the_step(angle: float, binding: str, turn: float) -> None:
+    """From a line at an angle to X into an arc the step is along the normal, and the arc turns away from it at once."""
+    along = np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))])
+    points = np.array([(-20, 0), (-10, 0), (0, 0), (10, 0), (10, 10.0 * turn)]) @ [along, [-along[1], along[0]]]
+    curve = NurbsCurve(points, [0, 0, 0, 1, 1, 2, 2, 2], 2, [1, 1, 1, np.sqrt(0.5), 1])
+    limits = plane(500.0)
+    (section,) = cut(curve, limits, 0.0, 0.0, exact_stop=False)
+    guess = scan(section, limits, 40)
+    section = with_blends(section, guess)
+    problem, path = build(section, limits, place_knots(section, guess, 40), guess)
+    bound = SpeedBound.of(limits, path, problem, np.zeros(path.u.shape[1], dtype=np.int8))
+    (jump,) = 2 * np.flatnonzero(problem.h == 0.0)
+    names = [SpeedBound.names(curve.axes)[k] for k in bound.which[jump - 1 : jump + 4]]
+    assert names[1:4] == [f"jerk {binding}"] * 3
+    assert {names[0], names[4]} <= {"velocity X", "velocity Y"}
+    assert bound.power[jump - 1 : jump + 4].tolist() == [2.0, 1.0, 1.0, 1.0, 2.0]
