@@ -28,6 +28,7 @@ BINDING_TOLERANCE = 1e-3  # of a limit
 # What rounding on another machine may do to the columns: to arc length against that of the curve, to feed against the
 # largest, to acceleration and jerk against the terms of which they are the sum.
 _PLACE, _FEED, _RATE = 1e-9, 1e-9, 1e-9
+_NO_DIGITS = 1e-300  # mm/s^2, mm/s^3; numbers as small as these, and what they are made of, have lost their digits
 _SLACKS = 4.0  # as many times what the rounding of the tabulated numbers can change in a jerk
 
 
@@ -104,7 +105,7 @@ class Nodes:
         scale = max(float(np.abs(profile.feed).max()), 1e-300)
         yield Column("feed", profile.feed, self.values[0], np.full(place.size, _FEED * scale))
         for k, name in ((1, "acceleration"), (2, "jerk")):
-            granted = _RATE * self.terms[k] + _SLACKS * self.slack[k]
+            granted = _RATE * self.terms[k] + _SLACKS * self.slack[k] + _NO_DIGITS
             yield Column(name, getattr(profile, name), self.values[k], granted)
 
     def shares(self, limits: Limits) -> dict[str, tuple[FloatArray, FloatArray]]:

@@ -117,6 +117,16 @@ class TestRoundTrip:
         assert found.stats == {**profile.stats, **told}
 
     @SUFFIXES
+    def test_numbers_too_small_for_their_digits_come_back(self, tmp_path, suffix):
+        t, u = np.array([0.0, 1.0, 2.0, 2993.0, 2994.0]), np.array([0.0, 0.0, 0.0, 0.0, 1.0])
+        rates = np.array([0.0, 0.0, 0.0, 2.22507386e-309, 0.0])
+        profile = make_profile(CIRCLE, LIMITS, (t, u, rates, np.zeros(5)), method="optimal")
+        assert 0.0 < abs(profile.jerk[2]) < 1e-308
+        path = tmp_path / f"table{suffix}"
+        write_table(path, profile, LIMITS)
+        assert same_bits(read_table(path, CIRCLE), profile)
+
+    @SUFFIXES
     @pytest.mark.parametrize(("name", "machine"), [("butterfly-nurbs", "mill"), ("flank", "five-axis")])
     def test_a_plan_through_breaks_comes_back(self, tmp_path, name, machine, suffix):
         curve = load_curve(name)

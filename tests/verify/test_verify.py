@@ -309,7 +309,7 @@ def test_the_check_knows_nothing_of_the_planner():
         "planner.errors.InputError",
         "planner.geometry.curve.Curve",
         "planner.geometry.curve.FeedCaps",
-        "planner.geometry.curve.FloatArray",
+        "planner.types.FloatArray",
         "planner.geometry.curve.curvature",
         *(f"planner.geometry.curve_kernels.{name}" for name in ("FLAG", "I64", "NOTHING", "find_piece")),
         *(f"planner.geometry.curve_kernels.{access}{n}" for access in ("READ", "WRITE") for n in (1, 2, 3)),
