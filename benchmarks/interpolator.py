@@ -33,7 +33,8 @@ from interp import InterpolatorTable, TaylorTable, quintic_step, replay, start, 
 from interp import taylor_kernels as kernels
 from planner.geometry.catalog import load_curve
 from planner.geometry.curve import Curve
-from planner.machine.limits import Limits, load_limits
+from planner.machine.limits import Limits
+from planner.machine.machine_file import load_limits
 from planner.plan import plan_feedrate
 from planner.profile import FeedrateProfile, Samples
 

@@ -46,7 +46,7 @@ import numpy as np
 
 from planner.errors import FeedrateError, InputError, StalledError
 from planner.geometry.curve import ROTARY_AXES, Curve, arc_derivatives
-from planner.machine.limits import Limits, feedrate_limits
+from planner.machine.limits import Limits, feedrate_limits, require_limits
 from planner.profile import FeedrateProfile, Samples
 from planner.types import FloatArray, Progress
 from planner.verify import Row, check
@@ -287,7 +287,7 @@ def compare_methods(
     for name in chosen:
         if name not in METHODS:
             raise InputError(f"method {name!r} must be one of {', '.join(METHODS)}")
-    limits.require_matches(curve)
+    limits = require_limits(curve, limits)
     for module in (*_LOADED, *(_LIBRARIES[name] for name in chosen if name in _LIBRARIES)):
         import_module(module)
     for part in {curve, curve.tip}:

@@ -250,15 +250,13 @@ def _origin(tolerance: float | None, share: float) -> tuple[tuple[str, str], ...
 
 def _widened(limits: Limits, axes: tuple[str, ...]) -> Limits:
     """The limits in a table are those of the axes that move; an axis that only has words needs none that counts."""
-    import numpy as np
+    from planner.quantity import AXIS
 
     resting = tuple(axis for axis in axes if axis not in limits.axes)
     if not resting:
         return limits
-    velocity, acceleration, jerk = (
-        np.append(getattr(limits, name), np.full(len(resting), np.inf)) for name in ("velocity", "acceleration", "jerk")
-    )
-    return limits.with_axes((*limits.axes, *resting), velocity=velocity, acceleration=acceleration, jerk=jerk)
+    rows = {q.key: [*limits.of(q), *[math.inf] * len(resting)] for q in AXIS}
+    return limits.with_axes((*limits.axes, *resting), **rows)
 
 
 def _positive(tolerance: float | None) -> float | None:

@@ -31,7 +31,8 @@ if TYPE_CHECKING:
     from planner.geometry.curve import Break, Curve
     from planner.geometry.drawing import read_dxf
     from planner.geometry.points import FittedCurve, read_points
-    from planner.machine.limits import FeedrateLimits, Limits, feedrate_limits, load_limits
+    from planner.machine.limits import FeedrateLimits, Limits, feedrate_limits
+    from planner.machine.machine_file import load_limits
     from planner.output.ngc import WrittenProgram, write_ngc
     from planner.output.ngc_program import write_program
     from planner.output.table import read_table, table_limits, write_table
@@ -106,7 +107,8 @@ _HOME = {
     "planner.geometry.curve": ("Break", "Curve"),
     "planner.geometry.drawing": ("read_dxf",),
     "planner.geometry.points": ("FittedCurve", "read_points"),
-    "planner.machine.limits": ("FeedrateLimits", "Limits", "feedrate_limits", "load_limits"),
+    "planner.machine.limits": ("FeedrateLimits", "Limits", "feedrate_limits"),
+    "planner.machine.machine_file": ("load_limits",),
     "planner.output.ngc": ("WrittenProgram", "write_ngc"),
     "planner.output.ngc_program": ("write_program",),
     "planner.output.table": ("read_table", "table_limits", "write_table"),

@@ -15,6 +15,12 @@ from planner.types import FloatArray, Side
 
 _MAX_BYTES = 256 * 1024**2
 _MAX_QUOTATION = 60
+_HOW_TO_MAKE = {
+    "Curve": ", as load_curve returns",
+    "Limits": ", as load_limits returns or Limits(feed, velocity, acceleration, jerk) makes",
+    "FeedrateProfile": ", as plan_feedrate returns",
+    "Samples": ", as replay returns",
+}
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 
 
@@ -87,6 +93,13 @@ def plain_number(text: str, *, other: tuple[str, ...] = ()) -> float | None:
     ``inf`` or ``nan``.
     """
     return float(text) if text in other or _NUMBER.fullmatch(text) else None
+
+
+def require_instance(value: Any, wanted: type, name: str) -> None:
+    """Raise InputError naming a parameter that is none of the wanted class, as where two arguments are swapped."""
+    if not isinstance(value, wanted):
+        given = f"the class {value.__name__}" if isinstance(value, type) else f"a {type(value).__name__}"
+        raise InputError(f"{name} is {given}; it must be a {wanted.__name__}{_HOW_TO_MAKE.get(wanted.__name__, '')}")
 
 
 def positive_number(value: Any, what: str, hint: str = "") -> float:

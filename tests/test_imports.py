@@ -17,6 +17,7 @@ ORDER = (
     "planner.errors",
     "planner.types",
     "planner.inputs",
+    "planner.quantity",
     "planner.files",
     "planner.geometry",
     "planner.machine",

@@ -39,7 +39,7 @@ from planner.errors import InputError, StalledError
 from planner.geometry.catalog import load_curve
 from planner.geometry.curve import Curve
 from planner.inputs import positive_number
-from planner.machine.limits import FeedrateLimits, Limits
+from planner.machine.limits import FeedrateLimits, Limits, require_limits
 from planner.profile import Samples
 from planner.types import FloatArray, Progress
 
@@ -298,7 +298,7 @@ def greedy(
     StalledError
         If the steps stop advancing, or there are more than ``max_steps``: the message names u, the cause and a remedy.
     """
-    limits.require_matches(curve)
+    limits = require_limits(curve, limits)
     if curve.tip is not curve:
         raise InputError(f"{curve.name} moves rotary axes; the algorithms of 2022 know linear axes only")
     job = _job(

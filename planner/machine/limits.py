@@ -1,33 +1,28 @@
-"""A machine's limits, the four feedrate limits they put on a curve, and machine files."""
+"""A machine's limits, and the four feedrate limits they put on a curve."""
 
 from __future__ import annotations
 
-import tomllib
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cache
-from importlib import resources
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from planner.errors import InputError
-from planner.geometry.curve import AXES, ROTARY_AXES, Curve, axis_names
-from planner.inputs import numbers, positive_number, read_text, shorten
-from planner.machine.linuxcnc_ini import machine_table
+from planner.geometry.curve import ROTARY_AXES, Curve, axis_names
+from planner.inputs import numbers, positive_number, require_instance
+from planner.quantity import AXIS, CHORD_ERROR, FEED, PATH, QUANTITIES, Quantity
 from planner.types import FloatArray, Side
 
-if TYPE_CHECKING:
-    from pydantic import BaseModel
-
-EXAMPLE_MACHINES = ("mill", "five-axis")
 _MAX_AXES = 6
-_SCALARS = ("feed", "chord_error", "period", "tangential_acceleration", "tangential_jerk", "rapid")
+# What besides the quantities is one number: the period (s), and the feed of rapids (mm/s).
+PERIOD, RAPID = "period", "rapid"
+SCALARS = (FEED.key, CHORD_ERROR.key, PERIOD, *(q.key for q in PATH if q not in (FEED, CHORD_ERROR)), RAPID)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Limits:
     """What the machine and the process allow.
 
@@ -35,8 +30,9 @@ class Limits:
     ----------
     feed : float
         Commanded feedrate of the tool tip, mm/s.
-    velocity, acceleration, jerk : (dim,) sequence of float
-        Per axis, mm/s, mm/s^2, mm/s^3 (rad in place of mm for rotary axes); inf where there is no limit.
+    velocity, acceleration, jerk : float or (dim,) sequence of float
+        Per axis, mm/s, mm/s^2, mm/s^3 (rad in place of mm for rotary axes); inf where there is no limit.  One number holds
+        for every axis: of ``axes``, or of the curve the limits are used on.  Rotary axes need their own.
     chord_error : float
         Largest distance between the path and the chord of one period, mm.
     period : float
@@ -44,26 +40,30 @@ class Limits:
     tangential_acceleration, tangential_jerk : float
         Limits on the second and third time derivative of the arc length, mm/s^2 and mm/s^3.
     axes : sequence of str, optional
-        Names; X, Y, Z, U, V, W if left out.
+        Names; X, Y, Z, U, V, W if left out, none where every limit is one number.
     rapid : float
         Feedrate of the tool tip in the rapids of a part program, mm/s; inf where the axes alone limit them.
 
     Raises
     ------
     InputError
-        If a value is not a positive number, or the three sequences differ in length.
+        If a value is not a positive number, or the sequences differ in length.
+
+    Notes
+    -----
+    Limits with the same values and axes are equal.
     """
 
     feed: float
     velocity: FloatArray
     acceleration: FloatArray
     jerk: FloatArray
-    chord_error: float = np.inf
-    period: float = 1e-3
-    tangential_acceleration: float = np.inf
-    tangential_jerk: float = np.inf
-    axes: tuple[str, ...] = field(default=())
-    rapid: float = np.inf
+    chord_error: float
+    period: float
+    tangential_acceleration: float
+    tangential_jerk: float
+    axes: tuple[str, ...]
+    rapid: float
 
     def __init__(
         self,
@@ -78,7 +78,7 @@ class Limits:
         axes: Sequence[str] = (),
         rapid: float = np.inf,
     ) -> None:
-        given = {
+        single = {
             "feed": feed,
             "chord_error": chord_error,
             "period": period,
@@ -86,44 +86,91 @@ class Limits:
             "tangential_jerk": tangential_jerk,
             "rapid": rapid,
         }
-        for name, value in given.items():
-            hint = "" if name == "period" else "; use inf for no limit"
+        for name, value in single.items():
+            hint = "" if name == PERIOD else "; use inf for no limit"
             object.__setattr__(self, name, positive_number(value, name, hint))
         if np.isinf(self.period):
             raise InputError("period = inf must be finite, the time between two points in s")
-        for name, values in (("velocity", velocity), ("acceleration", acceleration), ("jerk", jerk)):
-            object.__setattr__(self, name, _positive_row(values, f"axis_{name}"))
-        sizes = [row.size for row in (self.velocity, self.acceleration, self.jerk)]
-        if len(set(sizes)) != 1:
+        rows = {"velocity": velocity, "acceleration": acceleration, "jerk": jerk}
+        found = {name: _positive_row(values, name) for name, values in rows.items()}
+        sizes = {name: row.size for name, row in found.items() if row.ndim == 1}
+        if len(set(sizes.values())) > 1:
             raise InputError(
-                f"velocity, acceleration and jerk have {sizes[0]}, {sizes[1]} and {sizes[2]} values; "
-                "each needs one for every axis"
+                f"{_listed(list(sizes))} have {_listed([str(size) for size in sizes.values()])} values; "
+                "each needs one for every axis, or one number for all"
             )
-        if sizes[0] > _MAX_AXES:
-            raise InputError(f"{sizes[0]} axes are given; at most {_MAX_AXES} are allowed")
-        object.__setattr__(self, "axes", axis_names(axes or None, sizes[0], "limits", InputError))
+        named = len(axes) if isinstance(axes, Sequence) else 0
+        count = next(iter(sizes.values()), named)
+        if count > _MAX_AXES:
+            raise InputError(f"{count} axes are given; at most {_MAX_AXES} are allowed")
+        names = axis_names(axes or None, count, "limits", InputError)
+        object.__setattr__(self, "axes", names)
+        for name, row in found.items():
+            object.__setattr__(self, name, _spread(row, name, names) if names else row)
 
     @property
     def dim(self) -> int:
-        """Number of axes."""
-        return int(self.velocity.size)
+        """Number of axes; 0 where every limit is one number, for the axes of any curve."""
+        return len(self.axes)
 
-    def require_matches(self, curve: Curve) -> None:
-        """Raise InputError unless there is one limit for every axis of the curve."""
+    def on(self, curve: Curve) -> Limits:
+        """Limits of every axis of a curve: these, or one number for every axis spread over them.
+
+        Raises InputError unless there is one limit for every axis, and for a rotary axis one of its own.
+        """
+        require_instance(curve, Curve, "curve")
+        if not self.axes:
+            return self._replace(axes=curve.axes)
         if self.dim != curve.dim:
             raise InputError(
                 f"the limits have {self.dim} axes ({', '.join(self.axes)}), but {curve.name} has {curve.dim} "
                 f"({', '.join(curve.axes)}); give one limit for each axis of the curve"
             )
+        return self
 
-    def same_as(self, other: Limits) -> bool:
+    def of(self, quantity: Quantity) -> list[float]:
+        """Limits on a quantity: one number, or one for each axis."""
+        return np.atleast_1d(getattr(self, quantity.key)).tolist()
+
+    def named(self, quantity: Quantity) -> dict[str, float]:
+        """Limits on a quantity by their names: "feed", "jerk X"."""
+        axes = self.axes if quantity in AXIS else ("",)
+        return dict(zip((quantity.of(axis) for axis in axes), self.of(quantity), strict=True))
+
+    def __eq__(self, other: object) -> bool:
         """Whether every limit, the period and the axes are the same."""
-        rows = ("velocity", "acceleration", "jerk")
-        return (
-            self.axes == other.axes
-            and all(getattr(self, name) == getattr(other, name) for name in _SCALARS)
-            and all(np.array_equal(getattr(self, name), getattr(other, name)) for name in rows)
-        )
+        return self._key() == other._key() if isinstance(other, Limits) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self._key())
+
+    def _key(self) -> tuple[object, ...]:
+        rows = (tuple(self.of(quantity)) for quantity in AXIS)
+        return self.axes, *(getattr(self, name) for name in SCALARS), *rows
+
+    def __repr__(self) -> str:
+        """Two lines: what is one number, and what is of the axes; what has no limit is left out."""
+        single = [f"{name}={getattr(self, name):.6g}" for name in SCALARS if np.isfinite(getattr(self, name))]
+        axes = [f"axes={''.join(self.axes)!r}"] if self.axes else []
+        axes += [f"{q.key}={_short(self.of(q))}" for q in AXIS]
+        return f"Limits({', '.join(single)},\n       {', '.join(axes)})"
+
+    def _repr_html_(self) -> str:
+        """Lay the limits out as a table, one row a quantity."""
+        axes = self.axes or ("every axis",)
+        units = ["rad" if axis in ROTARY_AXES else "mm" for axis in axes]
+        rows = [("limit", "of", "value")]
+        for q in QUANTITIES:
+            if q in AXIS:
+                rows += [
+                    (q.label, axis, f"{value:.6g} {q.unit(unit)}")
+                    for axis, unit, value in zip(axes, units, self.of(q), strict=True)
+                ]
+            else:
+                rows.append((q.label, "path", f"{getattr(self, q.key):.6g} {q.unit()}"))
+        rows += [(RAPID, "path", f"{self.rapid:.6g} {FEED.unit()}"), (PERIOD, "", f"{self.period:.6g} s")]
+        lines = ("".join(f"<td>{escape(cell)}</td>" for cell in row) for row in rows if not row[2].startswith("inf "))
+        return "<table>" + "".join(f"<tr>{line}</tr>" for line in lines) + "</table>"
 
     def with_feed(self, feed: float) -> Limits:
         """Return the same limits with another commanded feedrate, mm/s."""
@@ -140,31 +187,46 @@ class Limits:
 
     def without_jerk(self) -> Limits:
         """Return the same limits without any of the jerk."""
-        return self._replace(jerk=np.full(self.dim, np.inf), tangential_jerk=np.inf)
+        return self._replace(jerk=np.full_like(self.jerk, np.inf), tangential_jerk=np.inf)
 
     def with_axes(self, axes: Sequence[str], **rows: ArrayLike) -> Limits:
-        """Return the same limits for other axes; ``velocity``, ``acceleration`` and ``jerk`` of these."""
+        """Return the same limits for other axes; ``rows`` by the keys of what is limited on an axis."""
         return self._replace(**rows, axes=axes)
+
+    def for_axes(self, axes: Sequence[str], what: str) -> Limits:
+        """Pick axes by name; ``what`` moves them, for the message where the machine lacks one."""
+        if not self.axes:
+            return self._replace(axes=axes)
+        missing = [axis for axis in axes if axis not in self.axes]
+        if missing:
+            raise InputError(
+                f"the machine has no axis {missing[0]}, which {what} moves; its axes are {', '.join(self.axes)}"
+            )
+        index = [self.axes.index(axis) for axis in axes]
+        return self._replace(**{q.key: getattr(self, q.key)[index] for q in AXIS}, axes=axes)
 
     def for_curve(self, curve: Curve) -> Limits:
         """Pick the curve's axes by name out of a machine that has more of them.
 
         Raises InputError where the machine lacks an axis of the curve.
         """
-        if tuple(curve.axes) == self.axes:
-            return self
-        missing = [axis for axis in curve.axes if axis not in self.axes]
-        if missing:
-            raise InputError(
-                f"the machine has no axis {missing[0]}, which {curve.name} moves; its axes are {', '.join(self.axes)}"
-            )
-        index = [self.axes.index(axis) for axis in curve.axes]
-        rows = {name: getattr(self, name)[index] for name in ("velocity", "acceleration", "jerk")}
-        return self._replace(**rows, axes=curve.axes)
+        require_instance(curve, Curve, "curve")
+        return self if tuple(curve.axes) == self.axes else self.for_axes(curve.axes, curve.name)
 
     def _replace(self, **changes: Any) -> Limits:
-        names = (*_SCALARS, "velocity", "acceleration", "jerk", "axes")
+        names = (*SCALARS, *(q.key for q in AXIS), "axes")
         return Limits(**({name: getattr(self, name) for name in names} | changes))
+
+
+def require_limits(curve: Curve, limits: Limits) -> Limits:
+    """Limits of every axis of a curve, at the door of a public function.
+
+    Raises InputError if one of the two is something else, the axes do not match, or a single number is given for a rotary
+    axis.
+    """
+    require_instance(curve, Curve, "curve")
+    require_instance(limits, Limits, "limits")
+    return limits.on(curve)
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,7 +276,7 @@ def feedrate_limits(
     InputError
         If the safety factor is outside (0, 1] or the axes do not match.
     """
-    limits.require_matches(curve)
+    limits = require_limits(curve, limits)
     factor = positive_number(safety, "safety")
     if factor > 1.0:
         raise InputError(f"safety = {factor!r} must lie in (0, 1]")
@@ -278,155 +340,38 @@ def chord_feed_limit(curvature: FloatArray, limits: Limits) -> FloatArray:
     return np.where(curvature > 0.0, limit, np.inf)
 
 
-def load_limits(path: str | Path) -> Limits:
-    """Load a machine file (TOML, or the INI of a LinuxCNC machine), or one of the example machines by name.
-
-    Keys: ``feed_mm_s``, ``rapid_mm_s``, ``chord_error_mm``, ``period_s``, ``tangential_acceleration_mm_s2``,
-    ``tangential_jerk_mm_s3``, and one ``[[axis]]`` each with ``name``, ``velocity_mm_s``, ``acceleration_mm_s2``,
-    ``jerk_mm_s3`` (``_rad_s``, ``_rad_s2``, ``_rad_s3`` for the rotary axes A, B, C).  ``inf`` means no limit.
-    For what is read of an INI file see :mod:`planner.machine.linuxcnc_ini`.
-
-    Parameters
-    ----------
-    path : str or Path
-        A ``.toml`` or ``.ini`` file, or one of :data:`EXAMPLE_MACHINES`.
-
-    Returns
-    -------
-    Limits
-
-    Raises
-    ------
-    InputError
-        Naming the file, the key, its value and what is allowed.
-    """
-    if path == "":
-        raise InputError(
-            f"machine '' must be a file, .toml or .ini, or an example machine: {', '.join(EXAMPLE_MACHINES)}"
-        )
-    if isinstance(path, str) and path in EXAMPLE_MACHINES:
-        text = resources.files("planner").joinpath(f"data/machines/{path}.toml").read_text(encoding="utf-8")
-        return _limits_from_toml(text, path)
-    try:
-        text = read_text(path, InputError)
-    except InputError as error:
-        if isinstance(path, str) and not Path(path).suffix:
-            raise InputError(f"{error}; the example machines are {', '.join(EXAMPLE_MACHINES)}") from None
-        raise
-    if Path(path).suffix.lower() == ".ini":
-        return _limits_from_table(machine_table(text, str(path)), str(path))
-    return _limits_from_toml(text, str(path))
-
-
-def _limits_from_toml(text: str, where: str) -> Limits:
-    try:
-        table = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{where}: not a valid TOML file ({error})") from None
-    return _limits_from_table(table, where)
-
-
-def _limits_from_table(table: dict[str, Any], where: str) -> Limits:
-    machine, linear, rotary = _file_models()
-    axes = table.pop("axis", [])
-    head = _validated(machine, table, where, "")
-    if not isinstance(axes, list) or not axes or not all(isinstance(axis, dict) for axis in axes):
-        raise InputError(
-            f'{where}: one "[[axis]]" table for each axis is needed, with name, velocity, acceleration and jerk'
-        )
-    rows: list[dict[str, Any]] = []
-    for i, axis in enumerate(axes):
-        name = axis.get("name")
-        known = isinstance(name, str) and name in AXES
-        model = rotary if known and name in ROTARY_AXES else linear
-        rows.append(_validated(model, axis, where, f"axis[{i}] ({name})" if known else f"axis[{i}]"))
-    names = [row.pop("name") for row in rows]
-    twice = [name for name in names if names.count(name) > 1]
-    if twice:
-        raise InputError(f'{where}: axis "{twice[0]}" is given twice')
-    velocity, acceleration, jerk = zip(*(row.values() for row in rows), strict=True)
-    try:
-        return Limits(
-            head["feed_mm_s"],
-            velocity,
-            acceleration,
-            jerk,
-            chord_error=head["chord_error_mm"],
-            period=head["period_s"],
-            tangential_acceleration=head["tangential_acceleration_mm_s2"],
-            tangential_jerk=head["tangential_jerk_mm_s3"],
-            rapid=head["rapid_mm_s"],
-            axes=names,
-        )
-    except InputError as error:
-        raise InputError(f"{where}: {error}") from None
-
-
-def _validated(model: type[BaseModel], table: Mapping[str, Any], where: str, place: str) -> dict[str, Any]:
-    """Values of a table of a machine file, in the order of the model's keys."""
-    from pydantic import ValidationError
-
-    try:
-        return model.model_validate(table).model_dump()
-    except ValidationError as error:
-        findings, keys = error.errors(), list(model.model_fields)
-    # A misspelt key is both unknown and missing; the unknown one is what the person wrote.
-    first = next((finding for finding in findings if finding["type"] == "extra_forbidden"), findings[0])
-    key = ".".join(str(part) for part in first["loc"])
-    label = f"{place}.{key}" if place else key
-    match first["type"]:
-        case "missing":
-            raise InputError(f'{where}: "{label}" is missing; the keys are {", ".join(keys)}')
-        case "extra_forbidden":
-            raise InputError(f'{where}: unknown key "{label}"; the keys are {", ".join(keys)}')
-        case "literal_error":
-            raise InputError(f"{where}: {label} = {shorten(repr(first['input']))} must be one of {', '.join(AXES)}")
-    allowed = "a finite number > 0" if key == "period_s" else "a number > 0; use inf for no limit"
-    raise InputError(f"{where}: {label} = {shorten(repr(first['input']))} must be {allowed}")
-
-
-@cache
-def _file_models() -> tuple[type[BaseModel], type[BaseModel], type[BaseModel]]:
-    """Pydantic models of the head of a machine file, of a linear axis and of a rotary one."""
-    from typing import Annotated, Literal
-
-    from pydantic import BaseModel, ConfigDict, Field
-
-    positive = Annotated[float, Field(gt=0.0)]
-    finite = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
-
-    class Strict(BaseModel):
-        model_config = ConfigDict(extra="forbid", strict=True)
-
-    class Machine(Strict):
-        feed_mm_s: positive
-        rapid_mm_s: positive = float("inf")
-        chord_error_mm: positive = float("inf")
-        period_s: finite = 1e-3
-        tangential_acceleration_mm_s2: positive = float("inf")
-        tangential_jerk_mm_s3: positive = float("inf")
-
-    class LinearAxis(Strict):
-        name: Literal["X", "Y", "Z", "U", "V", "W"]
-        velocity_mm_s: positive
-        acceleration_mm_s2: positive
-        jerk_mm_s3: positive
-
-    class RotaryAxis(Strict):
-        name: Literal["A", "B", "C"]
-        velocity_rad_s: positive
-        acceleration_rad_s2: positive
-        jerk_rad_s3: positive
-
-    return Machine, LinearAxis, RotaryAxis
-
-
 def _positive_row(values: ArrayLike, name: str) -> FloatArray:
+    """A number > 0 for every axis (no dimension), or one for each (one dimension)."""
     row = numbers(values, name, InputError)
-    if row.ndim != 1 or row.size == 0:
-        raise InputError(f"{name} must be a sequence of numbers > 0, one for each axis")
+    if row.ndim > 1 or row.size == 0:
+        raise InputError(f"{name} must be a sequence of numbers > 0, one for each axis, or one number for all")
     bad = np.flatnonzero(~(row > 0.0))
     if bad.size:
-        raise InputError(f"{name}[{bad[0]}] = {float(row[bad[0]])!r} must be > 0; use inf for no limit")
+        place = f"[{bad[0]}]" if row.ndim else ""
+        raise InputError(f"{name}{place} = {float(row.flat[bad[0]])!r} must be > 0; use inf for no limit")
     row.setflags(write=False)
     return row
+
+
+def _spread(row: FloatArray, name: str, axes: tuple[str, ...]) -> FloatArray:
+    """One number for each axis; a finite one in mm says nothing of an axis that turns."""
+    rotary = [axis for axis in axes if axis in ROTARY_AXES]
+    if row.ndim == 0 and rotary and np.isfinite(row):
+        raise InputError(
+            f"{name} = {float(row):.6g} is one number for every axis, but {rotary[0]} turns and is measured in rad; give "
+            f"one number for each of {', '.join(axes)}"
+        )
+    spread = np.broadcast_to(row, (len(axes),)).copy()
+    spread.setflags(write=False)
+    return spread
+
+
+def _short(values: list[float]) -> str:
+    """Numbers in a list, or one where they are all the same."""
+    if len(set(values)) == 1:
+        return f"{values[0]:.6g}"
+    return f"[{', '.join(f'{value:.6g}' for value in values)}]"
+
+
+def _listed(words: list[str]) -> str:
+    return " and ".join(filter(None, (", ".join(words[:-1]), words[-1])))

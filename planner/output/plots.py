@@ -21,7 +21,7 @@ from matplotlib.figure import Figure
 from planner.errors import InputError
 from planner.files.whole_file import whole_file
 from planner.geometry.curve import Curve
-from planner.machine.limits import Limits, feedrate_limits, largest_command
+from planner.machine.limits import Limits, feedrate_limits, largest_command, require_limits
 from planner.profile import FeedrateProfile, ProfileStates, Samples
 from planner.types import FloatArray
 from planner.verify import Report, check
@@ -118,7 +118,7 @@ def plot_plan(
     InputError
         If the axes of the limits are not those of the curve.
     """
-    limits.require_matches(curve)
+    limits = require_limits(curve, limits)
     motion = _scan(curve, profile)
     with _style():
         figure = Figure(figsize=_SIZE, layout="constrained")

@@ -24,7 +24,7 @@ from planner.errors import InputError
 from planner.files.columns import ColumnFile, Columns, reading, write_columns
 from planner.geometry.curve import ROTARY_AXES, Curve
 from planner.inputs import plain_number, shorten
-from planner.machine.limits import Limits
+from planner.machine.limits import Limits, require_limits
 from planner.profile import FeedrateProfile, Samples
 from planner.types import FloatArray
 from planner.verify import Report, check
@@ -94,7 +94,7 @@ def write_table(path: str | Path, profile: FeedrateProfile, limits: Limits, *, r
         the limits are not those of the curve.  Then no file is left behind.
     """
     curve = profile.curve
-    limits.require_matches(curve)
+    limits = require_limits(curve, limits)
     report = check(curve, limits, profile) if report is None else report
     positions = curve.derivatives(profile.u, 0)[0]
     columns: dict[str, NDArray[Any]] = {"t_s": profile.t, "u": profile.u, "s_mm": profile.s}

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.geometry.curve import Curve
-from planner.machine.limits import Limits, feedrate_limits
+from planner.machine.limits import Limits, feedrate_limits, require_limits
 from planner.profile import FeedrateProfile, Samples
 from planner.types import FloatArray
 
@@ -77,7 +77,7 @@ def trace_plan(curve: Curve, limits: Limits, profile: FeedrateProfile, most: int
 
     Raises InputError if the axes of the limits are not those of the curve.
     """
-    limits.require_matches(curve)
+    limits = require_limits(curve, limits)
     intervals = int(np.count_nonzero(np.diff(profile.t) > 0.0))
     inside = min(max(_POINTS_INSIDE, _FEWEST_POINTS // intervals), most // intervals)
     if inside >= _FEWEST_INSIDE:

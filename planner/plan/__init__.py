@@ -16,7 +16,7 @@ import numpy as np
 from planner.errors import CurveError, InfeasibleError, InputError, SolverError
 from planner.geometry.curve import Curve, arc_derivatives
 from planner.law import TimeNodes, joined
-from planner.machine.limits import Limits, feedrate_limits
+from planner.machine.limits import Limits, feedrate_limits, require_limits
 from planner.plan.bounds import section_bound
 from planner.plan.chord_errors import slowed_for_chords
 from planner.plan.dual.problem import Pace
@@ -105,6 +105,7 @@ def plan_feedrate(
         If no plan was found.
     """
     began = time.perf_counter()
+    limits = require_limits(curve, limits)
     _validate(curve, limits, method, start_feed, end_feed, periodic, budget, intervals)
     sections = cut(curve, limits, start_feed, end_feed, exact_stop=exact_stop, periodic=periodic)
     if start_acceleration is not None:
@@ -163,7 +164,6 @@ def _validate(
     budget: float,
     intervals: int | None,
 ) -> None:
-    limits.require_matches(curve)
     if method not in get_args(Method):
         raise InputError(f"method = {method!r} must be one of {', '.join(get_args(Method))}")
     if not budget > 0.0:

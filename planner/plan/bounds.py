@@ -14,7 +14,7 @@ import numpy as np
 from planner.certificate import Certificate, CertificateSection
 from planner.errors import InputError, SolverError
 from planner.geometry.curve import Curve
-from planner.machine.limits import Limits
+from planner.machine.limits import Limits, require_limits
 from planner.plan.dual.problem import ROUNDS, Pace, best_splines
 from planner.plan.dual.terms import Multiplied, Track
 from planner.plan.dual.value import Splines
@@ -84,7 +84,7 @@ def certify(curve: Curve, limits: Limits, profile: FeedrateProfile, *, intervals
         If the coordinate of the bound does not grow between two of its knots; or the bound contradicts a plan that
         passes its check, an error of this program.
     """
-    limits.require_matches(curve)
+    limits = require_limits(curve, limits)
     if intervals is None:
         intervals = _default_intervals(Multiplied.of(limits, curve), profile)
     if not _MIN_INTERVALS <= intervals <= _MAX_INTERVALS:

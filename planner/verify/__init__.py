@@ -29,7 +29,7 @@ import numpy as np
 
 from planner.errors import InputError
 from planner.geometry.curve import Curve
-from planner.machine.limits import Limits
+from planner.machine.limits import Limits, require_limits
 from planner.profile import FeedrateProfile, Samples
 from planner.verify.profile import check_profile
 from planner.verify.report import Report, Row, Rows
@@ -70,7 +70,7 @@ def check(
     InputError
         If limits, curve and plan do not belong together, or an argument is not one of those above.
     """
-    limits.require_matches(curve)
+    limits = require_limits(curve, limits)
     if isinstance(density, bool) or not isinstance(density, int | np.integer) or density < 4:
         raise InputError(f"density = {density!r} must be an integer of at least 4")
     if not (np.isfinite(tolerance) and tolerance >= 0.0):

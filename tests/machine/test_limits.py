@@ -12,7 +12,8 @@ from strategies import nurbs_curves
 from planner import CurveError, FeedrateLimits, InputError, Limits, feedrate_limits, load_curve, load_limits
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
-from planner.machine.limits import EXAMPLE_MACHINES, chord_feed_limit
+from planner.machine.limits import chord_feed_limit
+from planner.machine.machine_file import EXAMPLE_MACHINES
 
 PLAIN = {"feed": 100, "velocity": [250, 200], "acceleration": [1000, 800], "jerk": [2e4, 1e4]}
 
@@ -57,7 +58,10 @@ class TestLimits:
             ([-5, 1], r"\[0\] = -5.0 must be > 0; use inf for no limit"),
             ([1, np.nan], r"\[1\] = nan must be > 0"),
             ([], "must be a sequence"),
-            (5, "must be a sequence"),
+            (0, " = 0.0 must be > 0; use inf for no limit"),
+            (np.float64(-5), " = -5.0 must be > 0; use inf for no limit"),
+            (np.nan, " = nan must be > 0"),
+            (True, "True is not a number"),
             ([[1, 2]], "must be a sequence"),
             (["1", 2], "'1' is not a number"),
             ("12", "'12' is not a number"),
@@ -69,13 +73,78 @@ class TestLimits:
         ],
     )
     def test_axis_values_are_positive_numbers(self, key, value, message):
-        with pytest.raises(InputError, match=rf"axis_{key}.*{message}"):
+        with pytest.raises(InputError, match=rf"^{key}.*{message}"):
             limits(**{key: value})
 
     @pytest.mark.parametrize("key", ["velocity", "acceleration", "jerk"])
     def test_one_value_for_every_axis(self, key):
         with pytest.raises(InputError, match="each needs one for every axis"):
             limits(**{key: [1.0, 2.0, 3.0]})
+
+    def test_one_number_holds_for_every_axis(self):
+        spread = Limits(100, velocity=250, acceleration=1000.0, jerk=np.float64(2e4), axes=["X", "Z"])
+        assert spread == limits(velocity=[250] * 2, acceleration=[1000] * 2, jerk=[2e4] * 2, axes=["X", "Z"])
+        assert limits(velocity=250) == limits(velocity=[250, 250])
+        mixed = limits(jerk=np.inf)
+        assert (mixed.axes, mixed.jerk.tolist()) == (("X", "Y"), [np.inf, np.inf])
+
+    def test_numbers_without_axes_take_those_of_the_curve(self):
+        scalar = Limits(100, 250, 1000, 2e4, chord_error=1e-3)
+        assert (scalar.dim, scalar.axes) == (0, ())
+        for curve in (load_curve("circle"), FormulaCurve({"Z": "u", "X": "u**2", "Y": "u"}, (0.0, 1.0))):
+            per_axis = [[value] * curve.dim for value in (250.0, 1000.0, 2e4)]
+            wanted = Limits(100, *per_axis, chord_error=1e-3, axes=curve.axes)
+            assert scalar.for_curve(curve) == scalar.on(curve) == wanted
+        assert scalar.with_feed(7.0).without_jerk().on(curve) == wanted.with_feed(7.0).without_jerk()
+        u = np.linspace(0.0, 1.0, 9)
+        np.testing.assert_array_equal(
+            feedrate_limits(curve, scalar, u).lowest, feedrate_limits(curve, wanted, u).lowest
+        )
+
+    def test_one_number_is_no_limit_of_an_axis_that_turns(self):
+        flank = load_curve("flank")
+        for key in ("velocity", "acceleration", "jerk"):
+            with pytest.raises(
+                InputError, match=rf"{key} = 5 is one number for every axis, but A turns .* X, Y, Z, A, C"
+            ):
+                Limits(**{"feed": 9, "velocity": np.inf, "acceleration": np.inf, "jerk": np.inf} | {key: 5}).on(flank)
+        assert Limits(9, np.inf, np.inf, np.inf).on(flank).jerk.tolist() == [np.inf] * 5
+
+    def test_equal_limits_are_equal_and_hash_alike(self):
+        assert limits() == limits()
+        assert hash(limits()) == hash(limits())
+        assert len({limits(), limits(feed=100.0), limits(velocity=(250, 200))}) == 1
+        changed = [
+            *(
+                {key: 0.5}
+                for key in ("feed", "chord_error", "period", "rapid", "tangential_acceleration", "tangential_jerk")
+            ),
+            *({key: [250, 201]} for key in ("velocity", "acceleration", "jerk")),
+            {"axes": ["X", "Z"]},
+        ]
+        assert len({limits(), *(limits(**change) for change in changed)}) == 1 + len(changed)
+        assert limits() != "limits"
+        assert limits() != Limits(100, 250, 1000, 2e4)
+
+    def test_repr_is_two_lines_that_say_every_value(self):
+        text = repr(limits(chord_error=1e-3, tangential_jerk=5.0, jerk=[2e4, np.inf]))
+        assert text.splitlines() == [
+            "Limits(feed=100, chord_error=0.001, period=0.001, tangential_jerk=5,",
+            "       axes='XY', velocity=[250, 200], acceleration=[1000, 800], jerk=[20000, inf])",
+        ]
+        for machine in (limits(), load_limits("mill"), Limits(1, 2, 3, 4)):
+            assert eval(repr(machine), {"Limits": Limits, "inf": np.inf}) == machine
+
+    def test_html_has_a_row_a_limit(self):
+        html = limits(axes=["X", "C"], jerk=[2e4, np.inf])._repr_html_()
+        rows = [row.split("</td><td>") for row in html.replace("<table>", "").split("<tr><td>")[1:]]
+        assert [row[:2] for row in rows[1:]] == [
+            ["feed", "path"],
+            *([what, axis] for what in ("velocity", "acceleration") for axis in "XC"),
+            ["jerk", "X"],
+            ["period", ""],
+        ]
+        assert rows[5][2].startswith("800 rad/s^2")
 
     def test_at_most_six_axes(self):
         with pytest.raises(InputError, match="7 axes are given; at most 6"):

@@ -5,7 +5,7 @@ import pytest
 
 from planner.errors import InputError
 from planner.geometry.curve import AXES
-from planner.machine.limits import load_limits
+from planner.machine.machine_file import load_limits
 
 POSITIVE = " must be a number > 0; leave the line out for no limit"
 INCLUDE = "(#INCLUDE is not followed)"

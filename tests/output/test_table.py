@@ -305,7 +305,7 @@ class TestDamage:
     def test_limits_of_a_table_must_be_limits(self, table):
         path, lines = table
         path.write_text("".join(lines).replace("limit_jerk_X_mm_s3 = 20000.0", "limit_jerk_X_mm_s3 = -1.0"))
-        with pytest.raises(InputError, match=r"table\.csv: axis_jerk\[0\] = -1\.0"):
+        with pytest.raises(InputError, match=r"table\.csv: jerk\[0\] = -1\.0"):
             table_limits(path)
 
     def test_a_table_that_ends_early_is_refused(self, tmp_path, plan):

@@ -11,7 +11,8 @@ from planner.errors import InfeasibleError
 from planner.geometry.catalog import load_curve
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
-from planner.machine.limits import Limits, load_limits
+from planner.machine.limits import Limits
+from planner.machine.machine_file import load_limits
 from planner.plan.knots import place_knots, scan, split, with_blends
 from planner.plan.section import cut
 from planner.plan.utilisation_kernels import limit_growth

@@ -9,7 +9,8 @@ from planner.geometry.catalog import load_curve
 from planner.geometry.curve import arc_derivatives
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
-from planner.machine.limits import Limits, chord_feed_limit, load_limits
+from planner.machine.limits import Limits, chord_feed_limit
+from planner.machine.machine_file import load_limits
 from planner.plan.knots import place_knots, scan, with_blends
 from planner.plan.rows import acceleration_rows, build, jerk_rows, path_at, speed_cap
 from planner.plan.section import axis_weights, cut

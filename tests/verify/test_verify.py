@@ -314,6 +314,7 @@ def test_the_check_knows_nothing_of_the_planner():
         *(f"planner.geometry.curve_kernels.{name}" for name in ("FLAG", "I64", "NOTHING", "find_piece")),
         *(f"planner.geometry.curve_kernels.{access}{n}" for access in ("READ", "WRITE") for n in (1, 2, 3)),
         "planner.machine.limits.Limits",
+        "planner.machine.limits.require_limits",
         "planner.profile.FeedrateProfile",
         "planner.profile.Samples",
     }

@@ -38,7 +38,7 @@ import numpy as np
 
 from planner.errors import InfeasibleError, InputError, SolverError
 from planner.geometry.curve import Curve
-from planner.machine.limits import Limits
+from planner.machine.limits import Limits, require_limits
 from planner.plan.solvers.arcpath import NOISE, ArcPath, IntArray, Nodes, advance, describe, tabulate, used_exactly
 from planner.types import FloatArray
 
@@ -114,7 +114,7 @@ def plan_section(
     SolverError
         If no plan was found that holds every limit.
     """
-    limits.require_matches(curve)
+    limits = require_limits(curve, limits)
     corners = [b.u for b in curve.breaks if b.geometric == 0 and u_start < b.u < u_end]
     if corners:
         raise InputError(

@@ -28,6 +28,7 @@ from __future__ import annotations
 import hashlib
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -44,6 +45,7 @@ from planner.programs.path.moves import moving_axes
 from planner.programs.reading.program import AXES, Program
 from planner.programs.reading.reader import read_program
 from planner.programs.times import LineTimes, combined, write_line_times
+from planner.quantity import AXIS, TANGENTIAL
 from planner.types import FloatArray, Progress
 from planner.verify.report import BREAKS, HOLDS
 
@@ -204,7 +206,7 @@ def _path_source(program: Program, limits: Limits, tolerance: float | None) -> P
     if missing:
         raise InputError(f"the machine has no axis {missing[0]}; its axes are {', '.join(limits.axes)}")
     at = [limits.axes.index(axis) for axis in axes]
-    rows = {name: getattr(limits, name)[at] for name in ("velocity", "acceleration", "jerk")}
+    rows: dict[str, Any] = {q.key: getattr(limits, q.key)[at] for q in AXIS}
     if not all(np.isfinite(row).all() for row in rows.values()):
         raise InputError(
             "a program is planned in windows only where velocity, acceleration and jerk of every axis that moves are finite"
@@ -219,8 +221,8 @@ def _identity(path: PathSource, limits: Limits) -> str:
     for name in ("kind", "start", "end", "centre", "normal", "sweep", "feed", "stop_after", "tolerance", "line"):
         digest.update(np.ascontiguousarray(getattr(program, name)).data)
     words = [repr(getattr(limits, name)) for name in ("feed", "chord_error", "period")]
-    words += [repr(getattr(limits, f"tangential_{name}")) for name in ("acceleration", "jerk")]
-    words += [repr(getattr(limits, name).tolist()) for name in ("velocity", "acceleration", "jerk")]
+    words += [repr(getattr(limits, q.key)) for q in TANGENTIAL]
+    words += [repr(limits.of(q)) for q in AXIS]
     digest.update(" ".join([*words, *limits.axes, repr(path.tolerance)]).encode())
     return digest.hexdigest()
 

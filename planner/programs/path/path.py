@@ -10,6 +10,7 @@ it, an exact stop replaces the worst junction, and the path says so.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,7 @@ from planner.programs.path.moves import Blocks, moving_axes
 from planner.programs.path.stretch import Fitted, Stretch, fit
 from planner.programs.reading.noise import noise_amplitude
 from planner.programs.reading.program import Program
+from planner.quantity import AXIS
 from planner.types import FloatArray
 
 # How far a tube goes on beyond its first and last junction, where the blocks are long, mm.  The knot spacing has grown
@@ -130,7 +132,7 @@ def program_path(program: Program, tolerance: float | None, limits: Limits) -> P
     blocks = Blocks.of(absorbed.program, None, moving_axes(program))
     written = absorbed.written(given.programmed)
     at = [limits.axes.index(axis) for axis in blocks.axes]
-    rows = {name: getattr(limits, name)[at] for name in ("velocity", "acceleration", "jerk")}
+    rows: dict[str, Any] = {q.key: getattr(limits, q.key)[at] for q in AXIS}
     shaped = Limits(limits.feed, **rows, axes=blocks.axes, rapid=limits.rapid)
     # The rooms of the corners were measured one by one, which serves nearly always; else the other tries do without.
     share = 1.0

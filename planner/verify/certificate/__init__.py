@@ -34,7 +34,7 @@ import numpy as np
 from planner.certificate import Certificate, CertificateSection
 from planner.errors import InputError
 from planner.geometry.curve import Curve
-from planner.machine.limits import Limits
+from planner.machine.limits import Limits, require_limits
 from planner.profile import FeedrateProfile
 from planner.types import FloatArray
 from planner.verify.certificate.atoms import Side, end_term, passed, seam, sides, spared_around, stepped
@@ -129,7 +129,7 @@ def verify_bound(curve: Curve, limits: Limits, certificate: Certificate) -> Boun
         If the certificate is for another curve, does not cover it, has a section that passes a corner or a knot of the
         curve without one of its own, or holds arrays that are no multipliers.
     """
-    limits.require_matches(curve)
+    limits = require_limits(curve, limits)
     require_valid(certificate, curve)
     places = Places.of(curve)
     sections = [_Section.of(curve, limits, certificate, k, places) for k in range(len(certificate.sections))]
@@ -180,7 +180,7 @@ def verify_plan_bound(curve: Curve, limits: Limits, certificate: Certificate, pl
         claimed=float(plan.lower_bound) if by_table else report.claimed,
         claimant="the table" if by_table else "it",
         duration=plan.duration,
-        other_limits=plan.limits is not None and not plan.limits.same_as(limits),
+        other_limits=plan.limits is not None and plan.limits != limits,
     )
 
 

@@ -13,7 +13,8 @@ from planner.geometry.catalog import load_curve
 from planner.geometry.fiveaxis import DualSplineCurve
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
-from planner.machine.limits import Limits, feedrate_limits, load_limits
+from planner.machine.limits import Limits, feedrate_limits
+from planner.machine.machine_file import load_limits
 from planner.plan.solvers.arcpath import used_exactly
 from planner.plan.solvers.scurve import plan_section
 from planner.profile import make_profile
