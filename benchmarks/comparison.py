@@ -23,6 +23,7 @@ from typing import Any
 from rich.console import Console
 from rich.progress import track
 
+from benchmarks.cases import mill
 from benchmarks.interpolator import environment
 from feedplan.comparison import (
     METHODS,
@@ -82,7 +83,7 @@ class Case:
 
 MACHINES = {
     "thesis": Limits(20.0, [30.0] * 2, [30.0] * 2, [200.0] * 2, chord_error=1e-6, period=1e-3),
-    "mill": Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2, chord_error=1e-3, period=1e-3),
+    "mill": mill(),
 }
 FEEDS = {"thesis": (20.0, 40.0), "mill": (100.0, 300.0)}
 CURVES = {

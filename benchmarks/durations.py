@@ -25,27 +25,8 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from planner import Curve, FeedrateProfile, Limits, __version__, certify, check, load_curve, load_limits, plan_feedrate
-
-REFERENCE = {  # s: feed 100 and 300 mm/s
-    ("teardrop", 1.0): (1.1402, 0.9040),
-    ("butterfly", 10.0): (4.1574, 3.3027),
-    ("hypotrochoid", 10.0): (7.1202, 3.6401),
-    ("snailshell", 10.0): (1.8027, 1.5875),
-    ("circle", 1.0): (3.2916, 1.6479),
-}
-
-
-def cases() -> list[tuple[str, Curve, Limits, float]]:
-    found = []
-    for which, feed in enumerate((100.0, 300.0)):
-        for (name, scale), optimum in REFERENCE.items():
-            limits = Limits(feed, [250.0] * 2, [1000.0] * 2, [20000.0] * 2, chord_error=1e-3)
-            found.append((f"{name} {feed:g}", load_curve(name, scale=scale), limits, optimum[which]))
-    free = Limits(250.0, [np.inf] * 2, [2000.0] * 2, [20000.0] * 2)
-    found.append(("butterfly-nurbs 250", load_curve("butterfly-nurbs"), free, 4.5603))
-    found.append(("flank", load_curve("flank"), load_limits("five-axis"), 8.0309))
-    return found
+from benchmarks.cases import reference_cases
+from planner import Curve, FeedrateProfile, Limits, __version__, certify, check, plan_feedrate
 
 
 def toppra_seconds(curve: Curve, limits: Limits, intervals: int) -> float:
@@ -128,7 +109,7 @@ def main() -> None:
     options = parser.parse_args()
     results = {
         name: measure(curve, limits, optimum, options.repeats, options.intervals)
-        for name, curve, limits, optimum in track(cases(), "planning", console=Console(stderr=True))
+        for name, curve, limits, optimum in track(reference_cases(), "planning", console=Console(stderr=True))
     }
     Console().print(show(results))
     if options.output is not None:

@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.cases import drives
 from interp import InterpolatorTable, TaylorTable, quintic_step, replay, start, taylor_step
 from interp import taylor_kernels as kernels
 from planner.geometry.catalog import load_curve
@@ -125,7 +126,7 @@ def plan(case: Case) -> tuple[Curve, Limits, FeedrateProfile]:
     if case.machine:
         limits = load_limits(case.machine).for_curve(curve).with_feed(case.feed)
     else:
-        limits = Limits(case.feed, [250.0] * curve.dim, [1000.0] * curve.dim, [20000.0] * curve.dim)
+        limits = drives(case.feed, curve.dim)
     return curve, limits, plan_feedrate(curve, limits)
 
 

@@ -22,7 +22,7 @@ from rich.box import SIMPLE
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.durations import cases
+from benchmarks.cases import reference_cases
 from planner import load_curve, load_limits, plan_feedrate
 from planner.geometry.curve import Curve
 from planner.law import TimeNodes
@@ -66,8 +66,8 @@ class Case:
 
 
 def case(name: str, intervals: int = INTERVALS, *, width: float = 1.0) -> Case:
-    """Prepare one of the cases of ``benchmarks.durations``; its rest blends ``width`` times as wide as usual."""
-    curve, limits = next((curve, limits) for label, curve, limits, _ in cases() if label == name)
+    """Prepare one of the cases of ``benchmarks.cases``; its rest blends ``width`` times as wide as usual."""
+    curve, limits = next((curve, limits) for label, curve, limits, _ in reference_cases() if label == name)
     return prepared(name, curve, limits, intervals, width=width)
 
 
@@ -461,7 +461,7 @@ def _changed(limits: Limits, name: str, share: float) -> Limits:
 
 def teardrop(feed: float) -> Case:
     """The teardrop with the axes of the reference cases, at another feed."""
-    curve, limits = next((curve, limits) for label, curve, limits, _ in cases() if label == "teardrop 100")
+    curve, limits = next((curve, limits) for label, curve, limits, _ in reference_cases() if label == "teardrop 100")
     return prepared(f"teardrop {feed:g}", curve, limits.with_feed(feed))
 
 
@@ -473,8 +473,8 @@ def example() -> Case:
 
 # --- the command ----------------------------------------------------------------------------------------------------
 
-_TEN = tuple(name for name, *_ in cases()[:10])
-_ALL = tuple(name for name, *_ in cases())
+_ALL = tuple(name for name, *_ in reference_cases())
+_TEN = _ALL[:10]
 _GRIDS = (62, 125, 250, 500, 1000, 2000, 4000, 16000)
 
 

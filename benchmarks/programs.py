@@ -24,6 +24,7 @@ from rich.box import SIMPLE
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.cases import drives
 from benchmarks.linuxcnc.interpreter import interpret, is_installed
 from benchmarks.linuxcnc.machine import run_program
 from planner import FeedrateProfile, Limits, Program, __version__, check, plan_feedrate, read_program
@@ -42,7 +43,7 @@ BARS = {  # s
     ("zigzag", 5e-2): 12.20,
 }
 NAMES = ("butterfly_5000", "slots", "zigzag")
-LIMITS = Limits(100.0, [250.0] * 3, [1000.0] * 3, [2e4] * 3)
+LIMITS = drives(dim=3)
 RUN_TOLERANCE = 1e-2  # mm; the path takes three quarters, the blocks and their blending the rest
 PATH_SHARE = 0.75
 ALLOWED = 0.03  # of the predicted time

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.cases import drives
 from benchmarks.interpolator import arrival, deviations, difference_ratios, environment, ratio_text
 from interp.literature.forms import FORMS, FormName, prepare, replay_form
 from planner.files.whole_file import require_writable, whole_file
@@ -78,7 +79,7 @@ LIMITATIONS = (
 def plan(name: str, scale: float, feed: float) -> tuple[Curve, Limits, FeedrateProfile]:
     """Plan a case: axes of 250 mm/s, 1000 mm/s^2, 20000 mm/s^3."""
     curve = load_curve(name, scale=scale)
-    limits = Limits(feed, [250.0] * 2, [1000.0] * 2, [20000.0] * 2)
+    limits = drives(feed)
     return curve, limits, plan_feedrate(curve, limits)
 
 

@@ -32,7 +32,8 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from benchmarks.durations import cases, toppra_seconds
+from benchmarks.cases import drives, mill, reference_cases
+from benchmarks.durations import toppra_seconds
 from planner import Curve, FeedrateError, Limits, __version__, certify, check, load_curve, plan_feedrate
 from planner.files.whole_file import whole_file
 from planner.geometry.nurbs import NurbsCurve
@@ -154,16 +155,16 @@ def long_path(intervals: int) -> tuple[Curve, Limits]:
     heading = np.cumsum(rng.normal(0.0, 0.25, count))
     points = np.cumsum(8.0 * np.stack([np.cos(heading), np.sin(heading)], axis=1), axis=0)
     knots = np.concatenate([[0.0] * 3, np.linspace(0.0, count - 3.0, count - 2), [count - 3.0] * 3])
-    limits = Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2, chord_error=1e-3)
+    limits = mill()
     return NurbsCurve(points, knots, 3, name=f"winding path of {count} points"), limits
 
 
 def one_size(kind: str, intervals: int) -> dict[str, Any]:
     """One size in this process: a long path from curve to checked plan, or the solver alone on a short curve."""
-    warm = load_curve("teardrop"), Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2)
+    warm = load_curve("teardrop"), drives()
     check(*warm, plan_feedrate(*warm))
     if kind == "short":
-        curve, limits = load_curve("butterfly", scale=10.0), Limits(300.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2)
+        curve, limits = load_curve("butterfly", scale=10.0), drives(300.0)
         problem = problem_of(curve, limits, intervals)
         coarse = problem_of(curve, limits, intervals // 8)
         began = process_time()
@@ -228,7 +229,7 @@ def tiny_features() -> dict[str, Any]:
     from toppra import algorithm, constraint
 
     toppra.setup_logging("CRITICAL")
-    limits = Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2, chord_error=1e-3)
+    limits = mill()
     rows: dict[str, Any] = {}
     for nanometres in (1e6, 1e3, 1.0):
         curve = bump(nanometres)
@@ -269,7 +270,7 @@ def random_plans(count: int) -> dict[str, Any]:
     slowdowns, seconds, failures, infeasible = [], [], [], []
     for seed in track(range(count), "random curves", console=Console(stderr=True)):
         curve = random_curve(seed)
-        limits = Limits(100.0, [250.0] * curve.dim, [1000.0] * curve.dim, [20000.0] * curve.dim, chord_error=1e-3)
+        limits = mill(dim=curve.dim)
         began = process_time()
         try:
             profile = plan_feedrate(curve, limits)
@@ -363,7 +364,7 @@ def main() -> None:
     out = Console() if sys.stdout.isatty() else Console(width=_WIDTH)
     rows = {
         name: compare_case(curve, limits, optimum, options.repeats)
-        for name, curve, limits, optimum in track(cases(), "against the others", console=progress)
+        for name, curve, limits, optimum in track(reference_cases(), "against the others", console=progress)
     }
     out.print(show_cases(rows))
     wanted = [(kind, n) for n in _SIZES if n <= options.largest for kind in ("long", "short")]

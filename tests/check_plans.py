@@ -5,11 +5,7 @@ from __future__ import annotations
 import importlib
 
 import numpy as np
-import pytest
 
-from planner.geometry.catalog import load_curve
-from planner.geometry.formula import FormulaCurve
-from planner.geometry.nurbs import NurbsCurve
 from planner.machine.limits import Limits
 from planner.profile import Samples, make_profile
 
@@ -106,53 +102,6 @@ def lowered(limits, name, axis_index, factor):
 
 def failing(report):
     return {(row.limit, row.axis) for row in report.violations}
-
-
-@pytest.fixture(scope="module")
-def line():
-    return NurbsCurve([[0.0, 0.0], [60.0, 80.0]], [0, 0, 1, 1], 1, name="line")
-
-
-@pytest.fixture(scope="module")
-def line_limits():
-    return Limits(100.0, [60.0, 80.0], [600.0, 800.0], [12000.0, 16000.0], 1e-3, 1e-3, 1000.0, 20000.0)
-
-
-@pytest.fixture(scope="module")
-def line_plan(line, line_limits):
-    t, s, v, a = scurve(100.0, 100.0, 1000.0, 20000.0)
-    return profile_on(line, line_limits, (t, s / 100.0, v / 100.0, a / 100.0))
-
-
-@pytest.fixture(scope="module")
-def circle():
-    return load_curve("circle")
-
-
-@pytest.fixture(scope="module")
-def ellipse():
-    return FormulaCurve({"X": "40*cos(u)", "Y": "25*sin(u)"}, (0.0, 2.0 * np.pi), name="ellipse")
-
-
-@pytest.fixture(scope="module")
-def ellipse_plan(ellipse):
-    motion = scurve(ellipse.length, 120.0, 900.0, 15000.0, 60)
-    return profile_on(ellipse, unlimited(), lift(ellipse, motion))
-
-
-@pytest.fixture(scope="module")
-def ellipse_samples(ellipse, ellipse_plan):
-    return sampled(ellipse, ellipse_plan, 1e-3)
-
-
-@pytest.fixture(scope="module")
-def used_up(ellipse, ellipse_plan, ellipse_samples):
-    """Limits that the plan on the ellipse, and its samples, use up exactly; they hold."""
-    limits = {}
-    for kind, plan in (("profile", ellipse_plan), ("samples", ellipse_samples)):
-        limits[kind] = limits_at(check(ellipse, unlimited(), plan))
-        assert check(ellipse, limits[kind], plan).ok
-    return limits
 
 
 def with_lengths(motion, lengths):

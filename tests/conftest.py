@@ -2,7 +2,5 @@
 
 from hypothesis import settings
 
-pytest_plugins = ["check_plans"]  # fixtures that several files on the check share
-
 settings.register_profile("reproducible", derandomize=True, deadline=None)
 settings.load_profile("reproducible")

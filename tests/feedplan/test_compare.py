@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from texts import strict_json
 
-import feedplan.progress
-from feedplan.cli import app
 from feedplan.comparison import (
     METHODS,
     _slowed_plan,
@@ -32,12 +30,6 @@ CHOSEN = ("algorithm-1", "algorithm-2-soft", "2002-bell-1", "2007-uniform", "top
 KEEPING = {"scurve", "optimal"}
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _compiled():
-    """Compile before standard error is looked at."""
-    feedplan.progress.load_kernels((*feedplan.progress.PLAN_KERNELS, "interp.literature.greedy_kernels"))
-
-
 @pytest.fixture(scope="module")
 def teardrop():
     """Curve, limits and results by name."""
@@ -46,31 +38,10 @@ def teardrop():
     return curve, limits, {result.method: result for result in compare_methods(curve, limits, CHOSEN)}
 
 
-@pytest.fixture
-def run(capsys):
-    """Run a command; returns its exit code, standard output and standard error."""
-
-    def command(*arguments):
-        capsys.readouterr()
-        with pytest.raises(SystemExit) as stop:
-            app([str(argument) for argument in arguments], prog_name="feedplan")
-        out, err = capsys.readouterr()
-        return stop.value.code or 0, out, err
-
-    return command
-
-
 def held_differences(samples, order, period):
     """|n-th difference| over period^n of every axis, the ends held: what drives at rest see."""
     padded = np.pad(samples.position, [(3, 3), (0, 0)], mode="edge")
     return np.abs(np.diff(padded, order, axis=0)).max(axis=0) / period**order
-
-
-def strict_json(text):
-    def refuse(name):
-        raise AssertionError(f"{name} is no JSON")
-
-    return json.loads(text, parse_constant=refuse)
 
 
 class TestNumbers:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import io
-import json
 import os
 import resource
 import signal
@@ -16,6 +15,7 @@ import tomllib
 import numpy as np
 import pytest
 from cases import PROJECT
+from texts import strict_json
 
 import feedplan.progress
 import planner
@@ -27,26 +27,6 @@ from planner.profile import make_profile
 
 QUICK = ("--intervals", "60")
 HEAVY = ("numpy", "scipy", "casadi", "numba", "matplotlib", "pydantic", "toppra", "ruckig", "rich")
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _compiled():
-    """Compile before standard error is looked at."""
-    feedplan.progress.load_kernels()
-
-
-@pytest.fixture
-def run(capsys):
-    """Run a command; returns its exit code, standard output and standard error."""
-
-    def command(*arguments):
-        capsys.readouterr()
-        with pytest.raises(SystemExit) as stop:
-            app([str(argument) for argument in arguments], prog_name="feedplan")
-        out, err = capsys.readouterr()
-        return stop.value.code or 0, out, err
-
-    return command
 
 
 @pytest.fixture(scope="module")
@@ -78,13 +58,6 @@ def planned_by(monkeypatch, planning):
     monkeypatch.setattr(planner, "plan_feedrate", planning)
 
 
-def parsed(text):
-    def refuse(constant):
-        raise AssertionError(f"{constant} is no JSON")
-
-    return json.loads(text, parse_constant=refuse)
-
-
 class TestPlan:
     def test_a_plan_within_its_limits_is_ok(self, run, tmp_path):
         table, figure = tmp_path / "table.csv", tmp_path / "plan.png"
@@ -103,7 +76,7 @@ class TestPlan:
         table = tmp_path / "table.npz"
         code, out, err = run("plan", "teardrop", *QUICK, "-o", table, "--json")
         assert (code, err) == (0, "")
-        facts = parsed(out)
+        facts = strict_json(out)
         curve = load_curve("teardrop")
         profile, limits = read_table(table, curve), load_limits("mill").for_curve(curve)
         assert facts["ok"] is True
@@ -125,7 +98,7 @@ class TestPlan:
         planned_by(monkeypatch, lambda *_args, **_options: changed)
         monkeypatch.setattr("planner.certify", lambda _curve, _limits, profile: profile.lower_bound)
         code, out, _ = run("plan", "teardrop", "--json")
-        facts = parsed(out)
+        facts = strict_json(out)
         assert code == 0
         assert facts["gap"] == pytest.approx(0.25)
         assert facts["lower_bound_s"] == plan.duration / 1.25
@@ -138,12 +111,12 @@ class TestPlan:
     def test_the_bound_is_certified(self, run, monkeypatch, plan):
         planned_by(monkeypatch, lambda *_args, **_options: plan)
         monkeypatch.setattr("planner.certify", lambda *_args: plan.duration / 1.125)
-        assert parsed(run("plan", "teardrop", "--json")[1])["gap"] == pytest.approx(0.125)
+        assert strict_json(run("plan", "teardrop", "--json")[1])["gap"] == pytest.approx(0.125)
 
     def test_what_a_limit_costs_is_told(self, run):
         code, out, _ = run("plan", "teardrop", *QUICK, "--json")
         assert code == 0
-        saved = parsed(out)["saved_by_one_percent_s"]
+        saved = strict_json(out)["saved_by_one_percent_s"]
         assert next(iter(saved)) == "feed"
         assert saved["feed"] > 0.0
         assert "10% more of   feed saves" in run("plan", "teardrop", *QUICK)[1]
@@ -152,8 +125,8 @@ class TestPlan:
         planned_by(monkeypatch, lambda *_args, **_options: dataclasses.replace(plan, lower_bound=np.nan))
         monkeypatch.setattr("planner.certify", lambda _curve, _limits, profile: profile.lower_bound)
         _, out, _ = run("plan", "teardrop", "--json")
-        assert parsed(out)["lower_bound_s"] is None
-        assert parsed(out)["gap"] is None
+        assert strict_json(out)["lower_bound_s"] is None
+        assert strict_json(out)["gap"] is None
         _, out, _ = run("plan", "teardrop")
         assert "none from this method" in out
 
@@ -215,8 +188,8 @@ class TestCheck:
     def test_the_tables_own_limits_count_without_a_machine(self, run, table):
         code, out, _ = run("check", table, "teardrop", "--json")
         assert code == 0
-        assert parsed(out)["machine"] == f"limits in {table}"
-        assert parsed(out)["planning_time_s"] is None
+        assert strict_json(out)["machine"] == f"limits in {table}"
+        assert strict_json(out)["planning_time_s"] is None
 
     def test_a_plan_half_a_percent_too_fast_is_broken(self, run, fast_table):
         code, out, _ = run("check", fast_table, "teardrop")
@@ -224,7 +197,7 @@ class TestCheck:
         assert "LIMIT BROKEN" in out
         code, out, _ = run("check", fast_table, "teardrop", "--json")
         assert code == 1
-        facts = parsed(out)
+        facts = strict_json(out)
         assert facts["ok"] is False
         assert {row["limit"] for row in facts["checks"]["plan"] if not row["ok"]} >= {"feed", "jerk"}
 
@@ -265,10 +238,10 @@ class TestCheck:
         assert code == 0
         assert "is the table's claim, not checked; if true, the gap is at most" in " ".join(out.split())
         assert (
-            parsed(run("check", table, "teardrop", "--json")[1])["lower_bound_is"]
+            strict_json(run("check", table, "teardrop", "--json")[1])["lower_bound_is"]
             == "claimed by the table, not verified"
         )
-        assert parsed(run("plan", "teardrop", *QUICK, "--json")[1])["lower_bound_is"] == "computed with the plan"
+        assert strict_json(run("plan", "teardrop", *QUICK, "--json")[1])["lower_bound_is"] == "computed with the plan"
 
     def test_a_violation_shows_as_one_however_small(self, run, tmp_path, plan):
         limits = load_limits("mill").for_curve(plan.curve)

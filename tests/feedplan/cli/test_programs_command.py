@@ -1,16 +1,14 @@
 """Part programs on the command line: verdict, seconds a line, programs out, and what is refused."""
 
 import csv
-import json
 import math
 from pathlib import Path
 
 import numpy as np
 import pytest
 from cases import PROGRAMS
+from texts import flat, strict_json
 
-import feedplan.progress
-from feedplan.cli import app
 from planner import Limits, load_limits, read_program, read_table
 from planner.programs.path.deviation import deviation
 from planner.programs.path.moves import Blocks
@@ -51,26 +49,6 @@ SERVO_PERIOD = 2000000
 """ + "".join(f"[AXIS_{a}]\nMAX_VELOCITY = 100\nMAX_ACCELERATION = 800\nMAX_JERK = 16000\n" for a in "XYZ")
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _compiled():
-    """Compile before standard error is looked at."""
-    feedplan.progress.load_kernels()
-
-
-@pytest.fixture
-def run(capsys):
-    """Run a command; returns its exit code, standard output and standard error."""
-
-    def command(*arguments):
-        capsys.readouterr()
-        with pytest.raises(SystemExit) as stop:
-            app([str(argument) for argument in arguments], prog_name="feedplan")
-        out, err = capsys.readouterr()
-        return stop.value.code or 0, out, err
-
-    return command
-
-
 @pytest.fixture
 def part(tmp_path):
     file = tmp_path / "part.ngc"
@@ -91,18 +69,6 @@ def corners(tmp_path):
     file = tmp_path / "corners.ngc"
     file.write_text("G21 G90\nG0 X0 Y0\nG64 P0.01\nF6000\nG1 X20\nY20\nX0 Y30\nM2\n")
     return file
-
-
-def parsed(text):
-    def refuse(constant):
-        raise AssertionError(f"{constant} is no JSON")
-
-    return json.loads(text, parse_constant=refuse)
-
-
-def flat(text):
-    """Text without the line breaks of a terminal."""
-    return " ".join(text.split())
 
 
 def distance(points, vertices):
@@ -153,7 +119,7 @@ class TestPlan:
             "plan", part, "--machine", machine, "-o", files[0], "--program", files[1], "--lines", files[2], "--json"
         )
         assert code == 0
-        facts = parsed(out)
+        facts = strict_json(out)
         assert facts["files"] == [str(file) for file in files]
         found = facts["program"]
         assert found["tolerance_mm"] == pytest.approx(0.015)  # of P0.02 the path takes three quarters
@@ -183,7 +149,7 @@ class TestPlan:
     @pytest.mark.parametrize("method", ["toppra", "scurve"])
     def test_other_methods_take_a_program(self, run, corners, method):
         code, out, _ = run("plan", corners, "--method", method, "--json")
-        assert parsed(out)["method"] == method
+        assert strict_json(out)["method"] == method
         assert code == (1 if method == "toppra" else 0)
 
 
@@ -199,7 +165,7 @@ class TestPoints:
         table = tmp_path / "table.csv"
         code, out, _ = run("plan", points, "--tolerance-mm", "0.005", "-o", table, "--intervals", "60", "--json")
         assert code == 0
-        assert parsed(out)["source"]["deviation"].endswith("; 5 um allowed")
+        assert strict_json(out)["source"]["deviation"].endswith("; 5 um allowed")
         assert run("check", table, points)[0] == 0
         assert run("plan", points, "--intervals", "60", "-o", table)[0] == 0
         assert run("check", table, points)[0] == 0
@@ -223,7 +189,7 @@ class TestTime:
         output = tmp_path / "lines.csv"
         code, out, err = run("time", part, "--machine", machine, "-o", output, "--json")
         assert (code, err) == (0, "")
-        facts = parsed(out)
+        facts = strict_json(out)
         lines = facts["lines"]
         assert math.fsum(row["seconds"] for row in lines) == facts["motion_s"]
         assert math.fsum(row["without_jerk_limit_s"] for row in lines) == facts["without_jerk_limit_s"]
@@ -248,14 +214,14 @@ class TestTime:
         assert max(len(line) for line in out.splitlines()) <= 80
 
     def test_what_the_jerk_limit_costs_at_corners(self, run, corners):
-        facts = parsed(run("time", corners, "--tolerance-mm", "0.01", "--json")[1])
+        facts = strict_json(run("time", corners, "--tolerance-mm", "0.01", "--json")[1])
         assert facts["jerk_limit_costs"] == facts["motion_s"] / facts["without_jerk_limit_s"] - 1.0
         assert 0.01 < facts["jerk_limit_costs"] < 0.3
 
     def test_a_machine_without_a_jerk_limit(self, run, corners, tmp_path):
         ini = tmp_path / "machine.ini"
         ini.write_text("".join(line for line in INI.splitlines(keepends=True) if "JERK" not in line))
-        facts = parsed(run("time", corners, "--machine", ini, "--json")[1])
+        facts = strict_json(run("time", corners, "--machine", ini, "--json")[1])
         assert facts["motion_s"] == facts["without_jerk_limit_s"]
         assert "jerk limit none is set" in flat(run("time", corners, "--machine", ini)[1])
 
@@ -266,7 +232,7 @@ class TestNgc:
         out = tmp_path / "out.ngc"
         code, text, err = run("ngc", corners, "--tolerance-mm", "0.02", "-o", out, "--json", *options)
         assert (code, err) == (0, "")
-        facts = parsed(text)
+        facts = strict_json(text)
         source, written = read_program(corners), read_program(out)
         vertices = np.concatenate([source.start[:1], source.end])
         back = np.concatenate([written.start[:1], written.end])
@@ -335,7 +301,7 @@ class TestNgc:
     def test_a_curve(self, run, tmp_path):
         code, out, _ = run("ngc", "teardrop", "--tolerance-mm", "0.004", "-o", tmp_path / "t.ngc", "--json")
         assert code == 0
-        facts = parsed(out)
+        facts = strict_json(out)
         assert 0.001 < facts["deviation_mm"] <= 0.002
         assert facts["blending_mm"] == 0.002
         assert len(read_program(tmp_path / "t.ngc")) == facts["blocks"]

@@ -1,0 +1,28 @@
+"""Commands, run as a shell would run them."""
+
+from __future__ import annotations
+
+import pytest
+
+from feedplan.cli import app
+from feedplan.progress import PLAN_KERNELS, load_kernels
+
+
+@pytest.fixture(scope="session")
+def compiled():
+    """Compile before standard error is looked at."""
+    load_kernels((*PLAN_KERNELS, "interp.literature.greedy_kernels"))
+
+
+@pytest.fixture
+def run(capsys, compiled):
+    """Run a command; returns its exit code, standard output and standard error."""
+
+    def command(*arguments):
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as stop:
+            app([str(argument) for argument in arguments], prog_name="feedplan")
+        out, err = capsys.readouterr()
+        return stop.value.code or 0, out, err
+
+    return command
