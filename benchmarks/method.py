@@ -169,7 +169,7 @@ def blend_row(name: str, width: float, intervals: int = INTERVALS) -> BlendRow:
     attempt = at.solve(of.task, coarse_attempt(of, intervals))
     nodes, used = measured(of, at, attempt)
     slowdown = max(1.0, float(used.slowdown.max()))
-    return BlendRow(name, width, attempt.stats["iterations"], slowdown - 1.0, slowdown * float(nodes.t[-1]))
+    return BlendRow(name, width, attempt.work.iterations, slowdown - 1.0, slowdown * float(nodes.t[-1]))
 
 
 # --- between the points ---------------------------------------------------------------------------------------------
@@ -230,7 +230,7 @@ def tightening_rounds(of: Case, intervals: int = INTERVALS, count: int = 2) -> l
     for _ in range(count):
         attempt = at.solve(of.task, attempt)
         nodes, used = measured(of, at, attempt)
-        rounds.append(Round(nodes, used, attempt.stats["iterations"]))
+        rounds.append(Round(nodes, used, attempt.work.iterations))
         at, attempt = at.next(of.task, attempt, used, may_split=False)
     return rounds
 
@@ -331,7 +331,7 @@ def iteration_row(name: str) -> IterationRow:
         name,
         run.time.size - 1,
         without,
-        coarse_attempt(of).stats["iterations"],
+        coarse_attempt(of).work.iterations,
         rounds[0].iterations,
         rounds[1].iterations,
         float(run.time[8] / run.time[-1] - 1.0),
@@ -359,10 +359,10 @@ def grid_rows(name: str, counts: Sequence[int]) -> list[GridRow]:
     for n in counts:
         at = stage(of, n)
         attempt = at.solve(of.task, coarse_attempt(of, n), _FINE_GAP)
-        stats = attempt.stats
-        cost = 1e6 * stats["solve_cpu_s"] / stats["iterations"] / at.grid.intervals
+        work = attempt.work
+        cost = 1e6 * work.solve_cpu_s / work.iterations / at.grid.intervals
         duration = float(attempt.law.nodes(at.path).t[-1])
-        rows.append(GridRow(name, at.grid.intervals, duration, 0.0, stats["iterations"], cost))
+        rows.append(GridRow(name, at.grid.intervals, duration, 0.0, work.iterations, cost))
     return [replace(row, above_finest=row.duration_s / rows[-1].duration_s - 1.0) for row in rows]
 
 
@@ -434,7 +434,7 @@ class SavingRow:
 def saving_rows(of: Case, intervals: int = INTERVALS, change: float = 0.01) -> list[SavingRow]:
     """Compare the multipliers of a plan with solving again for limits higher and lower by ``change``, on the same grid."""
     at = stage(of, intervals)
-    promised = at.solve(of.task, None, _FINE_GAP).stats["saved_by_one_percent"]
+    promised = at.solve(of.task, None, _FINE_GAP).saved
     rows = []
     for name, saved in sorted(promised.items(), key=lambda item: -item[1]):
         if saved < 1e-3 * max(promised.values()):

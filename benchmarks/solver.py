@@ -117,7 +117,7 @@ def compare_case(curve: Curve, limits: Limits, optimum: float, repeats: int) -> 
         theirs = toppra_seconds(curve, limits, INTERVALS)
         began = process_time()
         profile = plan_feedrate(curve, limits, intervals=INTERVALS)
-        runs.append((process_time() - began, profile.stats["first_solve_cpu_s"], profile.stats["solve_cpu_s"], theirs))
+        runs.append((process_time() - began, profile.work.first_solve_cpu_s, profile.work.solve_cpu_s, theirs))
     free = plan_feedrate(curve, limits)
     began = process_time()
     bound = certify(curve, limits, profile)
@@ -132,8 +132,8 @@ def compare_case(curve: Curve, limits: Limits, optimum: float, repeats: int) -> 
         "duration_s": profile.duration,
         "above_optimum": profile.duration / optimum - 1.0,
         "above_optimum_refined": free.duration / optimum - 1.0,
-        "slowdown": profile.stats["slowdown"],
-        "rounds": profile.stats["rounds"],
+        "slowdown": profile.work.slowdown,
+        "rounds": profile.work.rounds,
         "plan_s": median(run[0] for run in runs) if ok else None,
         "solve_s": solve if ok else None,
         "all_solves_s": median(run[2] for run in runs),
@@ -189,12 +189,12 @@ def one_size(kind: str, intervals: int) -> dict[str, Any]:
         gc.collect()
         ok = check(curve, limits, profile).ok
         result = {
-            "status": profile.stats["status"],
+            "status": profile.status.value,
             "check_ok": ok,
-            "rounds": profile.stats["rounds"],
-            "slowdown": profile.stats["slowdown"],
-            "solve_s": profile.stats["solve_cpu_s"],
-            "first_solve_s": profile.stats["first_solve_cpu_s"],
+            "rounds": profile.work.rounds,
+            "slowdown": profile.work.slowdown,
+            "solve_s": profile.work.solve_cpu_s,
+            "first_solve_s": profile.work.first_solve_cpu_s,
             "plan_s": planned,
             "total_s": process_time() - began,
             "wall_s": time.perf_counter() - wall,
@@ -246,8 +246,8 @@ def tiny_features() -> dict[str, Any]:
         problem.compute_parameterization(0.0, 0.0)
         rows[curve.name] = {
             "duration_s": profile.duration,
-            "slowdown": profile.stats["slowdown"],
-            "exact_stops": profile.stats["sections"] - 1,
+            "slowdown": profile.work.slowdown,
+            "exact_stops": profile.work.sections - 1,
             "check_ok": check(curve, limits, profile).ok,
             "toppra": problem.problem_data.return_code.name,
         }
@@ -278,7 +278,7 @@ def random_plans(count: int) -> dict[str, Any]:
             failures.append(f"{seed}: {error}")
             continue
         seconds.append(process_time() - began)
-        slowdowns.append(profile.stats["slowdown"])
+        slowdowns.append(profile.work.slowdown)
         if not check(curve, limits, profile).ok:
             infeasible.append(seed)
     over = [seed for seed, slowdown in enumerate(slowdowns) if slowdown > 1.002]

@@ -616,10 +616,10 @@ def _slowed_chord(curve: Curve, limits: Limits, samples: Samples, factor: float)
 
 def _slowed_plan(profile: FeedrateProfile, factor: float) -> FeedrateProfile:
     """The plan run slower by a factor; what holds it back is what did before."""
-    before = profile.stats.get("slowed", [(0, 1.0)])
+    before = profile.slowed or ((0, 1.0),)
     return replace(
         profile,
-        stats={**profile.stats, "slowed": [(node, factor * value) for node, value in before]},
+        slowed=tuple((node, factor * value) for node, value in before),
         t=profile.t * factor,
         u_rate=profile.u_rate / factor,
         u_acceleration=profile.u_acceleration / factor**2,

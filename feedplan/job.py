@@ -27,16 +27,14 @@ PATH_SHARE = 0.75
 DEFAULT_TOLERANCE = 0.01  # mm
 _LONG = 20_000  # moves
 _POINTS_TOLERANCE = 1e-3  # mm, of the points of a CSV file
-_TOLERANCE_KEY, _SHARE_KEY = "path_tolerance_mm", "path_share"
-_OWN = "P words"
 
 
 @dataclass(frozen=True, eq=False)
 class Part:
     """A curve with the limits on it; program and path where it comes from a part program.
 
-    ``room`` is the distance, mm, that the lines of a program written from the plan may leave the curve by.  ``origin`` is
-    what a table says so that the same curve can be made again, ``facts`` what the verdict says of where it comes from.
+    ``room`` is the distance, mm, that the lines of a program written from the plan may leave the curve by, ``facts`` what
+    the verdict says of where it comes from.
     """
 
     curve: Curve
@@ -45,15 +43,13 @@ class Part:
     program: Program | None = None
     path: ProgramPath | None = None
     room: float = 0.0
-    origin: tuple[tuple[str, str], ...] = ()
     facts: tuple[tuple[str, str], ...] = ()
 
     def plan(self, line: ProgressLine, **options: Any) -> FeedrateProfile:
         """Plan the curve; options as for ``plan_feedrate``."""
         from planner import plan_feedrate
 
-        profile = plan_feedrate(self.curve, self.limits, progress=line, **options)
-        return replace(profile, stats={**profile.stats, "origin": dict(self.origin)}) if self.origin else profile
+        return plan_feedrate(self.curve, self.limits, progress=line, **options)
 
     def judge(
         self, profile: FeedrateProfile, line: ProgressLine, *, seconds: float = math.nan, files: tuple[str, ...] = ()
@@ -159,15 +155,15 @@ def load_part_of_table(
     The path of a part program depends on the limits it was made for and on the tolerance: both stand in the header.
     """
     from planner import read_program, table_limits
+    from planner.geometry.tolerance import PathTolerance
     from planner.output.table import table_origin
 
-    own, said = table_limits(table), table_origin(table)
+    own, said = table_limits(table), table_origin(table).tolerance or PathTolerance(None)
     tolerance = _positive(tolerance)
     # A table of an exact curve says no tolerance: one that does is of another curve, as reading it will tell.
-    inexact = is_program(source) or _is_points(source)
-    if tolerance is None and inexact and said.get(_TOLERANCE_KEY, _OWN) != _OWN:
-        tolerance = _number(table, said, _TOLERANCE_KEY)
-    share = _number(table, said, _SHARE_KEY) if _SHARE_KEY in said else 1.0
+    if tolerance is None and (is_program(source) or _is_points(source)):
+        tolerance = said.mm
+    share = said.share
     if is_program(source):
         _require_scale(source, scale)
         program = read_program(source)
@@ -186,11 +182,10 @@ class _Plain:
 
     curve: Curve
     room: float
-    origin: tuple[tuple[str, str], ...] = ()
     facts: tuple[tuple[str, str], ...] = ()
 
     def part(self, limits: Limits, machine: str) -> Part:
-        return Part(self.curve, limits, machine, room=self.room, origin=self.origin, facts=self.facts)
+        return Part(self.curve, limits, machine, room=self.room, facts=self.facts)
 
 
 def _load_plain(source: str, scale: float, tolerance: float | None, share: float) -> _Plain:
@@ -207,18 +202,19 @@ def _load_plain(source: str, scale: float, tolerance: float | None, share: float
     else:
         _require_scale(source, scale)
         allowed, room = share * tolerance, (1.0 - share) * tolerance
-        curve = read_points(source, allowed)
+        curve = read_points(source, tolerance, share=share)
     facts: tuple[tuple[str, str], ...] = ()
     if isinstance(curve, FittedCurve):
         far = f"{1e3 * curve.deviation:.4g} um at most from a point, in line {curve.row}"
         facts = (("deviation", f"{far}; {1e3 * allowed:g} um allowed"),)
-    return _Plain(curve, room, () if tolerance is None else _origin(tolerance, share), facts)
+    return _Plain(curve, room, facts)
 
 
 def _part(source: str, program: Program, limits: Limits, machine: str, tolerance: float | None, share: float) -> Part:
     """Make the path of a part program, which takes ``share`` of the tolerance."""
     import numpy as np
 
+    from planner.geometry.tolerance import PathTolerance
     from planner.programs.path.path import program_path
 
     if tolerance is None:
@@ -229,7 +225,8 @@ def _part(source: str, program: Program, limits: Limits, machine: str, tolerance
     else:
         path = program_path(program, share * tolerance, limits)
         least = tolerance
-    path = replace(path, curve=replace(path.curve, name=Path(source).name))
+    curve = replace(path.curve, name=Path(source).name, made_within=PathTolerance(tolerance, share))
+    path = replace(path, curve=curve)
     return Part(
         path.curve,
         limits.for_curve(path.curve),
@@ -237,15 +234,8 @@ def _part(source: str, program: Program, limits: Limits, machine: str, tolerance
         program,
         path,
         (1.0 - share) * least,
-        _origin(tolerance, share),
         (("program", _summary(program, path)),),
     )
-
-
-def _origin(tolerance: float | None, share: float) -> tuple[tuple[str, str], ...]:
-    """What makes the same path again, for the header of a table."""
-    said = ((_TOLERANCE_KEY, _OWN if tolerance is None else repr(tolerance)),)
-    return said if share == 1.0 else (*said, (_SHARE_KEY, repr(share)))
 
 
 def _widened(limits: Limits, axes: tuple[str, ...]) -> Limits:
@@ -294,10 +284,3 @@ def _changed(limits: Limits, feed: float | None, period: float | None) -> Limits
 def _require_scale(source: str, scale: float) -> None:
     if scale != 1.0:
         raise InputError(f"--scale = {scale!r} is not for {source}; it must be 1")
-
-
-def _number(table: Path, said: dict[str, str], key: str) -> float:
-    try:
-        return float(said[key])
-    except ValueError:
-        raise InputError(f'{table}: the header says {key} = "{said[key]}"; it must be a number') from None

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from planner.geometry.curve import Curve
 from planner.machine.limits import Limits
 from planner.profile import FeedrateProfile, Samples
+from planner.status import Claim
 from planner.verify import Report, Row
 
 if TYPE_CHECKING:
@@ -97,11 +98,9 @@ class Verdict:
         return self.profile.lower_bound if self.proof is None else self.proof.proved
 
     @property
-    def bound_from(self) -> str:
+    def claim(self) -> Claim:
         """How the lower bound is known."""
-        if self.proof is not None:
-            return "proved by the certificate"
-        return "claimed by the table, not verified" if self.bound_claimed else "computed with the plan"
+        return self.profile.claim if self.proof is None else Claim.CERTIFIED
 
     @property
     def report(self) -> Report:
@@ -115,19 +114,15 @@ class Verdict:
         return self.profile.duration / bound - 1.0 if bound > 0.0 else math.nan
 
     @property
-    def bound_claimed(self) -> bool:
-        """The lower bound is a table's own word: nothing here has shown it."""
-        return bool(self.profile.stats.get("bound_claimed", False))
-
-    @property
     def notes(self) -> list[str]:
         """What the planner says of its plan, and why a plan without a jerk limit breaks one."""
-        notes = [str(note) for note in self.profile.stats.get("notes", ())]
+        notes = list(self.profile.notes)
         if self.program is not None:  # its stops are told by line, not by the parameter of the path
             told = {f"exact stop at u = {stop.u:.6g}" for stop in self.program.stops}
             notes = [*self.program.notes, *(note for note in notes if note not in told)]
-        if (status := self.profile.stats.get("status", "optimal")) not in {"optimal", "feasible"}:
-            notes.append(f"not the optimum ({status}): the gap says how much time may be left in the plan")
+        if not self.profile.status.as_meant:
+            sentence = self.profile.status.sentence
+            notes.append(f"not the optimum: {sentence}; the gap says how much time may be left in the plan")
         if self.profile.method == "toppra" and not self.ok:
             notes.append("the method toppra knows no jerk limit: compare with its time, but do not cut with its plan")
         return notes
@@ -146,7 +141,7 @@ def to_json(verdict: Verdict) -> str:
         "method": profile.method,
         "duration_s": profile.duration,
         "lower_bound_s": verdict.lower_bound,
-        "lower_bound_is": verdict.bound_from,
+        "lower_bound_is": verdict.claim.value,
         "gap": verdict.gap,
         "nodes": profile.t.size,
         "samples": verdict.samples.t.size,
@@ -156,7 +151,7 @@ def to_json(verdict: Verdict) -> str:
             "samples": [_row_facts(row) for row in verdict.samples_report.rows],
         },
         "held_back_by": profile.shares(),
-        "saved_by_one_percent_s": dict(profile.stats.get("saved_by_one_percent", {})),
+        "saved_by_one_percent_s": dict(profile.saved_by_one_percent),
         "notes": verdict.notes,
         "files": list(verdict.files),
     }
@@ -282,7 +277,8 @@ def _shortened(notes: list[str]) -> list[str]:
 def _contradiction(verdict: Verdict) -> str:
     """Say whose error a lower bound above a sound plan is."""
     own = "an error of this program; please report it with the curve and the limits"
-    return f"above the time of the plan: {'the claim of the table is false' if verdict.bound_claimed else own}"
+    claimed = verdict.profile.claim is Claim.TABLE
+    return f"above the time of the plan: {'the claim of the table is false' if claimed else own}"
 
 
 def _facts(verdict: Verdict) -> RenderableType:
@@ -308,8 +304,8 @@ def _facts(verdict: Verdict) -> RenderableType:
         elif verdict.gap < 0.0 and not verdict.holds:
             bound = f"{verdict.lower_bound:.6g} s; no plan within the limits is as fast as this one, which breaks them"
         if verdict.proof is not None:
-            bound += f", {verdict.bound_from}"
-        elif verdict.bound_claimed and not verdict.contradicted:
+            bound += f", {verdict.claim.value}"
+        elif verdict.claim is Claim.TABLE and not verdict.contradicted:
             bound = f"{verdict.lower_bound:.6g} s is the table's claim, not checked; if true, the gap is at most {gap}"
     else:
         bound = "none from this method"
@@ -340,7 +336,7 @@ def _micro(length: float) -> str:
 
 def _worth(profile: FeedrateProfile) -> list[Table]:
     """One line on the limits whose relaxation would save most."""
-    saved = {name: 10.0 * value for name, value in profile.stats.get("saved_by_one_percent", {}).items()}
+    saved = {name: 10.0 * value for name, value in profile.saved_by_one_percent.items()}
     shown = [(name, value) for name, value in saved.items() if value > _WORTH_SHOWN * profile.duration][:4]
     if not shown:
         return []

@@ -15,7 +15,6 @@ from planner.types import FloatArray
 if TYPE_CHECKING:
     from interp.taylor import InterpolatorTable, Run, TaylorTable
 
-DEFAULT_PERIOD = 1e-3
 ORDERS = (1, 2, 3, 5)
 MAX_SAMPLES = 100_000_000
 _CHUNK = 1 << 16
@@ -72,7 +71,7 @@ def replay(
             f"the plan was made for {profile.curve.name} ({profile.curve.fingerprint}), not for {curve.name} "
             f"({curve.fingerprint}); replay it on its own curve"
         )
-    step = float(profile.stats.get("period", DEFAULT_PERIOD) if period is None else period)
+    step = float(profile.origin.period if period is None else period)
     end = last_sample(profile.duration, step)
     first, last = _range(profile.duration, step, start, stop, end)
     table = InterpolatorTable.from_profile(profile) if order == 5 else TaylorTable.from_profile(profile)

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 from planner.errors import InputError
 from planner.geometry.curve import MAX_DERIVATIVE, Curve, curvature, dot
 from planner.machine.limits import Limits, chord_feed_limit, commanded_feed
+from planner.origin import Origin
+from planner.status import Claim, Status, Work
 from planner.types import FloatArray
 
 # A limit holds the path back where it is used up to within half a percent.
@@ -64,11 +65,25 @@ class FeedrateProfile:
         No profile within the limits is faster than this, s (nan where the method gives none).
     method : str
         The solver that made it.
-    stats : mapping
-        What the solver says of its work: status, iterations, computing times, and the like.  ``slowed``: where the plan was
-        slowed down as a whole, pairs of the first node and by which factor; ``binding`` is what held it back before.
     limits : Limits, optional
         What it was planned for: by these ``binding`` is named.
+    claim : Claim
+        How ``lower_bound`` is known; NONE where it is nan, and nowhere else.
+    origin : Origin
+        How it was asked for.
+    status : Status
+        How it ended.
+    notes : tuple of str
+        What a person should know of it.
+    slowed : tuple of (int, float)
+        Where the plan was slowed down as a whole, the first nodes and by which factors; ``binding`` is what held it back
+        before.  Empty where it was not.
+    saved_by_one_percent : mapping
+        Time that one percent more of a limit saves, s, by the limit's name, most first; empty where the method tells none.
+    work : Work
+        What it took.
+    checked : str
+        What the check said when the table that it was read from was written; empty otherwise.
     """
 
     curve: Curve
@@ -84,10 +99,21 @@ class FeedrateProfile:
     limit_names: tuple[str, ...]
     lower_bound: float = np.nan
     method: str = ""
-    stats: Mapping[str, Any] = field(default_factory=dict)
     limits: Limits | None = None
+    claim: Claim = Claim.COMPUTED
+    origin: Origin = field(default_factory=Origin)
+    status: Status = Status.FEASIBLE
+    notes: tuple[str, ...] = ()
+    slowed: tuple[tuple[int, float], ...] = ()
+    saved_by_one_percent: Mapping[str, float] = field(default_factory=dict)
+    work: Work = field(default_factory=Work)
+    checked: str = ""
 
     def __post_init__(self) -> None:
+        if np.isnan(self.lower_bound):
+            object.__setattr__(self, "claim", Claim.NONE)
+        elif self.claim is Claim.NONE:
+            object.__setattr__(self, "claim", Claim.COMPUTED)
         for name in ("t", "u", "u_rate", "u_acceleration", "s", "feed", "acceleration", "jerk", "binding"):
             getattr(self, name).setflags(write=False)
 
@@ -244,7 +270,6 @@ def make_profile(
     *,
     method: str,
     lower_bound: float = np.nan,
-    stats: Mapping[str, Any] | None = None,
     slowed: FloatArray | None = None,
 ) -> FeedrateProfile:
     """Build a profile from the nodes (t, u, u_rate, u_acceleration) of its time law.
@@ -270,10 +295,10 @@ def make_profile(
         curve, limits, law, along, q, tip, commanded, np.ones_like(t) if slowed is None else slowed
     )
     s = curve.arclength.s(u)
-    facts = dict(stats or {})
+    kept: tuple[tuple[int, float], ...] = ()
     if slowed is not None and slowed.max() > _WORTH_KEEPING:
         first = np.flatnonzero(np.diff(slowed, prepend=np.nan) != 0.0)
-        facts["slowed"] = [(int(node), float(slowed[node])) for node in first]
+        kept = tuple((int(node), float(slowed[node])) for node in first)
     return FeedrateProfile(
         curve,
         t,
@@ -288,8 +313,9 @@ def make_profile(
         names,
         float(lower_bound),
         method,
-        facts,
         limits,
+        origin=Origin(limits.period, tolerance=curve.made_within),
+        slowed=kept,
     )
 
 

@@ -22,6 +22,8 @@ ORDER = (
     "planner.geometry",
     "planner.machine",
     "planner.law",
+    "planner.status",
+    "planner.origin",
     "planner.profile",
     "planner.certificate",
     "planner.verify",

@@ -144,7 +144,7 @@ def _said(path: Path) -> tuple[object, ...]:
     words = [
         getattr(limits, n) for n in ("feed", "chord_error", "period", "tangential_acceleration", "tangential_jerk")
     ]
-    facts = [plan.stats[key] for key in ("exact_stop", "periodic", "period")]
+    facts = [getattr(plan.origin, key) for key in ("exact_stop", "periodic", "period")]
     return (columns, rows, words, facts, plan.duration, repr(plan.lower_bound), plan.limit_names)
 
 

@@ -204,8 +204,7 @@ def _bounded(
     except SolverError as error:
         if certificate is not None:
             raise
-        notes = [*profile.stats.get("notes", ()), f"no lower bound: {error}"]
-        return replace(profile, lower_bound=math.nan, stats={**profile.stats, "notes": notes})
+        return replace(profile, lower_bound=math.nan, notes=(*profile.notes, f"no lower bound: {error}"))
     if certificate is not None:
         from planner.output.certificate_file import write_certificate
 

@@ -26,7 +26,7 @@ import numpy as np
 
 from interp import taylor_kernels as kernels
 from interp.literature import classic_kernels
-from interp.replay import DEFAULT_PERIOD, MAX_SAMPLES, replay
+from interp.replay import MAX_SAMPLES, replay
 from interp.taylor import InterpolatorTable, TaylorTable, runner, start
 from planner.errors import InputError, StalledError
 from planner.geometry.curve import Curve
@@ -107,7 +107,7 @@ def replay_form(curve: Curve, profile: FeedrateProfile, form: FormName, period: 
     """
     if form not in FORMS:
         raise InputError(f"form = {form!r} must be one of {', '.join(FORMS)}")
-    step = float(profile.stats.get("period", DEFAULT_PERIOD) if period is None else period)
+    step = float(profile.origin.period if period is None else period)
     if form in _ORDERS:
         return replay(curve, profile, step, order=_ORDERS[form])
     if curve is not profile.curve and curve.fingerprint != profile.curve.fingerprint:

@@ -19,6 +19,7 @@ from planner.errors import CurveError
 from planner.geometry.blend import Blends, Legs
 from planner.geometry.curve import Break, Curve, FeedCaps, Pieces, axis_names, continuity
 from planner.geometry.fit import interpolate
+from planner.geometry.tolerance import PathTolerance
 from planner.types import FloatArray, Side
 
 _FIT_TOLERANCE = 1e-13  # of the unit tangent
@@ -60,6 +61,8 @@ class ChainCurve(Curve):
         Further parameters inside at which a plan must have a knot, as where the feed cap changes.
     feed_caps : FeedCaps, optional
         What the program's F words allow.
+    made_within : PathTolerance, optional
+        Of the program.
     """
 
     edges: FloatArray
@@ -75,6 +78,7 @@ class ChainCurve(Curve):
     axes: tuple[str, ...] = ()
     name: str = "chain"
     feed_caps: FeedCaps | None = None
+    made_within: PathTolerance | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "axes", axis_names(self.axes or None, self.legs.vectors.shape[2], self.name))

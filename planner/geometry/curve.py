@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from planner.errors import CurveError, InputError
 from planner.geometry.arclength import ArcLength
+from planner.geometry.tolerance import PathTolerance
 from planner.inputs import coordinates, require_side
 from planner.types import FloatArray, Side
 
@@ -144,13 +145,15 @@ class FeedCaps:
 class Curve(ABC):
     """A parametric tool path in machine axes.
 
-    Subclasses provide ``name``, ``domain``, ``axes`` and :meth:`_evaluate`.  Curves are immutable.
+    Subclasses provide ``name``, ``domain``, ``axes`` and :meth:`_evaluate`; ``feed_caps`` where a program commands feeds,
+    and ``made_within`` where the curve stands for a program or for points.  Curves are immutable.
     """
 
     name: str
     domain: tuple[float, float]
     axes: tuple[str, ...]
     feed_caps: FeedCaps | None = None
+    made_within: PathTolerance | None = None
 
     @abstractmethod
     def _evaluate(self, u: FloatArray, order: int, side: Side) -> FloatArray:

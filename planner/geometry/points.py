@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from planner.errors import CurveError
 from planner.geometry.nurbs import NurbsCurve
+from planner.geometry.tolerance import PathTolerance
 from planner.inputs import plain_number, positive_number, read_text, shorten
 from planner.types import FloatArray
 
@@ -41,7 +42,7 @@ class FittedCurve(NurbsCurve):
         super().__init__(control_points, knots, degree, axes=axes, name=name)
 
 
-def read_points(path: str | Path, tolerance: float) -> FittedCurve:
+def read_points(path: str | Path, tolerance: float, *, share: float = 1.0) -> FittedCurve:
     """Fit a smooth curve to the points of a CSV file.
 
     A B-spline of degree 5 (its fourth derivative is continuous), smoothed by the least-squares criterion of FITPACK, with
@@ -54,6 +55,8 @@ def read_points(path: str | Path, tolerance: float) -> FittedCurve:
         name the columns.
     tolerance : float
         Largest distance of a point from the curve, mm.
+    share : float
+        Part of the tolerance that the curve may take; the rest is for a program written from its plan.
 
     Returns
     -------
@@ -69,7 +72,7 @@ def read_points(path: str | Path, tolerance: float) -> FittedCurve:
     ----------
     P. Dierckx, Curve and Surface Fitting with Splines, Oxford University Press, 1993.
     """
-    limit = positive_number(tolerance, "tolerance")
+    limit = share * positive_number(tolerance, "tolerance")
     points, lines, axes = _read_table(path)
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     keep = np.append(True, steps > _SAME * steps.sum())
@@ -96,6 +99,7 @@ def read_points(path: str | Path, tolerance: float) -> FittedCurve:
         )
     object.__setattr__(curve, "deviation", float(away[worst]))
     object.__setattr__(curve, "row", int(lines[worst]))
+    object.__setattr__(curve, "made_within", PathTolerance(float(tolerance), share))
     return curve
 
 

@@ -359,7 +359,7 @@ def _draw_binding(axes: Axes, curve: Curve, profile: FeedrateProfile) -> None:
     axes.tick_params(axis="y", length=0.0)
     axes.spines["left"].set_visible(False)
     axes.set_title("held back by", loc="left")
-    saved = profile.stats.get("saved_by_one_percent", {})
+    saved = profile.saved_by_one_percent
     worth = [
         (lane, f"{10.0 * saved[name]:.2g} s")
         for lane, (name, _) in enumerate(shares)

@@ -23,9 +23,12 @@ from numpy.typing import NDArray
 from planner.errors import InputError
 from planner.files.columns import ColumnFile, Columns, reading, write_columns
 from planner.geometry.curve import ROTARY_AXES, Curve
+from planner.geometry.tolerance import PathTolerance
 from planner.inputs import plain_number, shorten
 from planner.machine.limits import Limits, require_limits
+from planner.origin import Origin
 from planner.profile import FeedrateProfile, Samples
+from planner.status import Claim, Status
 from planner.types import FloatArray
 from planner.verify import Report, check
 from planner.verify.implied_columns import Nodes, limit_names
@@ -69,7 +72,14 @@ _BOUND = 2e-6  # of the duration: what a lower bound may lie above it by, since 
 _AT_REST = 1e-9  # of the largest feed
 _TRUTH = {"yes": True, "no": False}
 # What else a table may say of its curve: how the path was made from a part program or from points.
-_ORIGIN = ("path_tolerance_mm", "path_share")
+_TOLERANCE, _SHARE, _OWN = "path_tolerance_mm", "path_share", "P words"
+# How earlier versions began what they said of the status.
+_STATUS_BEFORE = {
+    "slowed down by": "slowed",
+    "stalled: the Newton": "singular",
+    "stalled: the step": "no step",
+    "stalled:": "too many iterations",
+}
 _SAME_PLACE = 1e-9  # of the domain: what rounding may leave between two rows of one place
 
 
@@ -107,16 +117,16 @@ def write_table(path: str | Path, profile: FeedrateProfile, limits: Limits, *, r
         "time_law": _TIME_LAW,
         **_curve_lines(curve),
         "method": profile.method,
-        "status": str(profile.stats.get("status", "feasible")),
-        **{key: "yes" if profile.stats.get(key, False) else "no" for key in ("exact_stop", "periodic")},
+        "status": profile.status.value,
+        **{key: "yes" if getattr(profile.origin, key) else "no" for key in ("exact_stop", "periodic")},
         "duration_s": repr(profile.duration),
         "lower_bound_s": repr(float(profile.lower_bound)),
         "verdict": report.summary(),
         **_limit_lines(curve.axes, limits),
-        **({"slowed": json.dumps(profile.stats["slowed"])} if "slowed" in profile.stats else {}),
-        **{key: str(value) for key, value in profile.stats.get("origin", {}).items() if key in _ORIGIN},
+        **({"slowed": json.dumps(profile.slowed)} if profile.slowed else {}),
+        **_tolerance_lines(profile.origin.tolerance),
         "limit_names": ", ".join(profile.limit_names),
-        "notes": json.dumps([str(note) for note in profile.stats.get("notes", ())]),
+        "notes": json.dumps(profile.notes),
         "rows": str(profile.t.size),
     }
     write_columns(path, header, columns, {"binding": profile.limit_names})
@@ -125,9 +135,8 @@ def write_table(path: str | Path, profile: FeedrateProfile, limits: Limits, *, r
 def read_table(path: str | Path, curve: Curve) -> FeedrateProfile:
     """Read a feedrate table back, equal to the plan that was written bit by bit.
 
-    ``stats`` holds what the planner puts there and the header says: status, notes, period, ``exact_stop``, ``periodic``;
-    besides ``verdict``, what the check said when the table was written, and ``bound_claimed``: that the lower bound is the
-    table's word.
+    Status, notes and origin are what the header says, and ``checked`` what the check said when the table was written.  Its
+    lower bound is the table's word, and ``claim`` says so; the work that the plan took stands in no table.
 
     Parameters
     ----------
@@ -157,11 +166,6 @@ def read_table(path: str | Path, curve: Curve) -> FeedrateProfile:
         limits = _limits_of(file)
         columns = file.columns(wanted, {"binding": names})
         _require_time_law(file, columns, curve)
-        stats: dict[str, Any] = {"status": header["status"], "notes": _notes(file), "period": limits.period}
-        stats |= {key: _truth(file, key) for key in ("exact_stop", "periodic")}
-        stats |= {"verdict": header["verdict"], "bound_claimed": True}
-        stats |= {"origin": _origin(file)} if _origin(file) else {}
-        stats |= {"slowed": _slowed(file, columns["t_s"].size)} if "slowed" in header else {}
         profile = FeedrateProfile(
             curve,
             t=columns["t_s"],
@@ -176,14 +180,19 @@ def read_table(path: str | Path, curve: Curve) -> FeedrateProfile:
             limit_names=names,
             lower_bound=_number(file, "lower_bound_s"),
             method=header["method"],
-            stats=stats,
             limits=limits,
+            claim=Claim.TABLE,
+            origin=_origin(file),
+            status=_status(file),
+            notes=_notes(file),
+            slowed=_slowed(file, columns["t_s"].size) if "slowed" in header else (),
+            checked=header["verdict"],
         )
         _require_agreement(file, columns, profile, limits)
         _require_facts(file, profile)
         file.require_rows(columns)
         file.require_only(
-            [*_KEYS, *_ORIGIN, "slowed", *(key for keys in _limit_keys(curve.axes).values() for key in keys)]
+            [*_KEYS, _TOLERANCE, _SHARE, "slowed", *(key for keys in _limit_keys(curve.axes).values() for key in keys)]
         )
         return profile
 
@@ -196,15 +205,15 @@ def table_limits(path: str | Path) -> Limits:
     with reading(path, _PLAN_FORMAT, _KEYS) as file:
         limits = _limits_of(file)
         file.require_only(
-            [*_KEYS, *_ORIGIN, "slowed", *(key for keys in _limit_keys(limits.axes).values() for key in keys)]
+            [*_KEYS, _TOLERANCE, _SHARE, "slowed", *(key for keys in _limit_keys(limits.axes).values() for key in keys)]
         )
         return limits
 
 
-def table_origin(path: str | Path) -> dict[str, str]:
-    """Read how the path of a table was made from a part program or points; empty for other curves.
+def table_origin(path: str | Path) -> Origin:
+    """Read how the plan of a table was asked for, and the tolerance that its curve was made within.
 
-    Raises InputError if the file cannot be read or is no feedrate table.
+    Raises InputError if the file cannot be read, is no feedrate table, or says something else than is written there.
     """
     with reading(path, _PLAN_FORMAT, _KEYS) as file:
         return _origin(file)
@@ -270,8 +279,40 @@ def _limits_of(file: ColumnFile) -> Limits:
         raise InputError(f"{file.path}: {error}") from None
 
 
-def _origin(file: ColumnFile) -> dict[str, str]:
-    return {key: file.header[key] for key in _ORIGIN if key in file.header}
+def _tolerance_lines(tolerance: PathTolerance | None) -> dict[str, str]:
+    """Header lines of the tolerance a curve was made within: none of an exact curve's."""
+    if tolerance is None:
+        return {}
+    said = {_TOLERANCE: _OWN if tolerance.mm is None else repr(tolerance.mm)}
+    return said if tolerance.share == 1.0 else said | {_SHARE: repr(tolerance.share)}
+
+
+def _tolerance(file: ColumnFile) -> PathTolerance | None:
+    if not {_TOLERANCE, _SHARE} & file.header.keys():
+        return None
+    mm = None if file.header.get(_TOLERANCE, _OWN) == _OWN else _number(file, _TOLERANCE)
+    share = _number(file, _SHARE) if _SHARE in file.header else 1.0
+    if mm is not None and not 0.0 < mm < np.inf:
+        raise InputError(f"{file.path}: the header says {_TOLERANCE} = {mm!r}; it must be > 0 and finite")
+    if not 0.0 < share <= 1.0:
+        raise InputError(f"{file.path}: the header says {_SHARE} = {share!r}; it must lie within (0, 1]")
+    return PathTolerance(mm, share)
+
+
+def _origin(file: ColumnFile) -> Origin:
+    truths = {key: _truth(file, key) for key in ("exact_stop", "periodic")}
+    return Origin(_number(file, "limit_period_s"), **truths, tolerance=_tolerance(file))
+
+
+def _status(file: ColumnFile) -> Status:
+    text = file.header["status"]
+    word = next((word for prefix, word in _STATUS_BEFORE.items() if text.startswith(prefix)), text)
+    words = {status.value: status for status in Status}
+    if word not in words:
+        raise InputError(
+            f'{file.path}: the header says status = "{shorten(text)}"; it must be one of {", ".join(words)}'
+        )
+    return words[word]
 
 
 def _number(file: ColumnFile, key: str) -> float:
@@ -288,7 +329,7 @@ def _truth(file: ColumnFile, key: str) -> bool:
     return _TRUTH[file.header[key]]
 
 
-def _notes(file: ColumnFile) -> list[str]:
+def _notes(file: ColumnFile) -> tuple[str, ...]:
     try:
         notes = json.loads(file.header["notes"])
     except (ValueError, RecursionError):
@@ -297,10 +338,10 @@ def _notes(file: ColumnFile) -> list[str]:
         raise InputError(
             f"{file.path}: the header says notes = {shorten(file.header['notes'])}; it must be a JSON list of texts"
         )
-    return notes
+    return tuple(notes)
 
 
-def _slowed(file: ColumnFile, rows: int) -> list[tuple[int, float]]:
+def _slowed(file: ColumnFile, rows: int) -> tuple[tuple[int, float], ...]:
     """Rows from which on, and factors by which, the plan was slowed down."""
     text = file.header["slowed"]
     try:
@@ -320,7 +361,7 @@ def _slowed(file: ColumnFile, rows: int) -> list[tuple[int, float]]:
             f"{file.path}: the header says slowed = {shorten(text)}; it must be pairs [row, factor], rows increasing "
             "from 0, factors of at least 1"
         )
-    return pairs
+    return tuple(pairs)
 
 
 def _require_curve(file: ColumnFile, curve: Curve) -> None:
@@ -421,12 +462,12 @@ def _require_facts(file: ColumnFile, profile: FeedrateProfile) -> None:
             f'"{BREAKS}"'
         )
     rest = _AT_REST * float(feed.max())
-    if profile.stats["periodic"] and not abs(feed[0] - feed[-1]) <= 1e3 * rest:
+    if profile.origin.periodic and not abs(feed[0] - feed[-1]) <= 1e3 * rest:
         raise InputError(
             f"{file.path}: the header says periodic = yes, but the feed is {feed[0]:.9g} mm/s at the start and "
             f"{feed[-1]:.9g} mm/s at the end"
         )
-    if profile.stats["exact_stop"]:
+    if profile.origin.exact_stop:
         jumps = [b.u for b in profile.curve.breaks if b.geometric == 1]
         passed = next((u for u in jumps if feed[np.argmin(np.abs(profile.u - u))] > rest), None)
         if passed is not None:

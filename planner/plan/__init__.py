@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from planner.errors import CurveError, InfeasibleError, InputError, SolverError
 from planner.geometry.curve import Curve, arc_derivatives
 from planner.law import TimeNodes, joined
 from planner.machine.limits import Limits, feedrate_limits, require_limits
+from planner.origin import Origin
 from planner.plan.bounds import section_bound
 from planner.plan.chord_errors import slowed_for_chords
 from planner.plan.dual.problem import Pace
@@ -29,13 +30,13 @@ from planner.plan.refine import (
     SectionPlan,
     hold_chords,
     not_met,
-    say_slowing_down,
 )
 from planner.plan.refine import plan_section as plan_and_refine
 from planner.plan.section import Section, cut
 from planner.plan.stage import WORTH_SAYING
 from planner.plan.utilisation import utilisation
 from planner.profile import FeedrateProfile, make_profile
+from planner.status import Status, Work
 from planner.types import FloatArray, Progress
 
 Method = Literal["optimal", "nlp", "toppra", "scurve"]
@@ -138,19 +139,22 @@ def plan_feedrate(
         require_law(curve, nodes)
     except SolverError as error:
         raise explained(curve, error, *curve.domain) from None
-    stats = _collect(sections, plans, limits, exact_stop)
-    slowed = np.repeat(
-        [max(1.0, plan.stats.get("slowdown", 1.0)) for plan in plans], [plan.nodes.t.size for plan in plans]
-    )
-    stats["planning_s"] = time.perf_counter() - began
-    return make_profile(
+    slowed = np.repeat([max(1.0, plan.work.slowdown) for plan in plans], [plan.nodes.t.size for plan in plans])
+    profile = make_profile(
         curve,
         limits,
         (nodes.t, nodes.u, nodes.u_rate, nodes.u_acceleration),
         method=method,
         lower_bound=sum(plan.lower_bound for plan in plans),
-        stats=stats,
         slowed=slowed,
+    )
+    return replace(
+        profile,
+        origin=Origin(limits.period, exact_stop, periodic, curve.made_within),
+        status=next((plan.status for plan in plans if not plan.status.as_meant), plans[0].status),
+        notes=_notes(sections, plans, limits),
+        saved_by_one_percent=_saved(plans),
+        work=Work.of_all((plan.work for plan in plans), time.perf_counter() - began),
     )
 
 
@@ -257,23 +261,25 @@ def _plan_section(
 
         feeds = (section.start_feed or 0.0, section.end_feed or 0.0)
         nodes = TimeNodes(*plan_section(section.curve, limits, section.u_start, section.u_end, *feeds))
-        return SectionPlan(nodes, np.nan, {"status": "feasible", "intervals": nodes.t.size - 1})
+        return SectionPlan(nodes, np.nan, Status.FEASIBLE, Work(intervals=nodes.t.size - 1))
     if method != "toppra" and not limits.has_jerk:
         return _plan_without_jerk(section, limits, effort, periodic)
     if method == "toppra":
         from planner.plan.solvers.toppra import plan_section as plan_by_toppra
 
-        nodes, stats = plan_by_toppra(section, limits, effort.intervals)
+        nodes = plan_by_toppra(section, limits, effort.intervals)
+        work = Work(intervals=int(np.count_nonzero(np.diff(nodes.t))), iterations=1)
+        notes: tuple[str, ...] = ()
         if not section.has_prescribed_feed:
             used = utilisation(section.curve, limits, nodes)
             slowdown = max(float(used.speed.max()), float(np.sqrt(used.acceleration.max())))
             nodes = nodes.dilated(max(1.0, slowdown * (1.0 + PEAK_MARGIN)))
             if slowdown > 1.0:
-                stats["slowdown"] = slowdown
+                work = replace(work, slowdown=slowdown)
                 percent = 100.0 * (slowdown - 1.0)
-                stats["notes"] = [f"slowed down by {percent:.2g} % for what toppra exceeds between its points"]
+                notes = (f"slowed down by {percent:.2g} % for what toppra exceeds between its points",)
         bound = section_bound(section, limits.without_jerk(), effort.intervals, Pace(nodes.u, nodes.t))
-        return SectionPlan(nodes, bound, stats)
+        return SectionPlan(nodes, bound, Status.FEASIBLE, work, notes)
     return plan_and_refine(
         section,
         limits,
@@ -289,15 +295,15 @@ def _plan_without_jerk(section: Section, limits: Limits, effort: Effort, periodi
     """Plan one section without any jerk limit; what its law still exceeds of the others slows it down."""
     from planner.plan.solvers.accelerations import plan_section
 
-    nodes, unmet, place, stats = plan_section(section, limits, effort.intervals)
-    stats["notes"] = []
-    say_slowing_down(unmet, place, stats)
+    found = plan_section(section, limits, effort.intervals)
+    nodes, unmet = found.nodes, found.unmet
     if not section.has_prescribed_feed:
         nodes = nodes.dilated(unmet * (1.0 + PEAK_MARGIN) if unmet > 1.0 else 1.0)
     elif unmet > ALMOST_MET:
         raise SolverError(not_met(section, unmet))
     bound = section_bound(section, limits, effort.intervals, Pace(nodes.u, nodes.t), periodic=periodic)
-    return SectionPlan(nodes, bound, stats)
+    plan = SectionPlan(nodes, bound, Status.OPTIMAL, found.work, saved=found.saved)
+    return plan.said_slowed(found.place)
 
 
 def _require_worth(section: Section, plan: SectionPlan, *, free: bool) -> None:
@@ -305,7 +311,7 @@ def _require_worth(section: Section, plan: SectionPlan, *, free: bool) -> None:
 
     Where refinement was ``free`` to choose the grid, the curve is the reason also where nothing about it stands out.
     """
-    slowdown = plan.stats.get("slowdown", 1.0)
+    slowdown = plan.work.slowdown
     if slowdown <= _HARDLY_A_PLAN or section.has_prescribed_feed:
         return
     reason = explained(
@@ -341,16 +347,21 @@ def _hold_chords(curve: Curve, limits: Limits, sections: list[Section], plans: l
             f"slowed down by {percent:.2g} % from u = {section.u_start:.6g} to {section.u_end:.6g} for its chord error, "
             "which the osculating circle does not tell where the curvature changes within a period"
         )
-        stats = {**plan.stats, "slowdown": max(1.0, plan.stats.get("slowdown", 1.0)) * float(factor)}
-        stats["notes"] = [*plan.stats.get("notes", []), note]
-        if factor > WORTH_SAYING:
-            stats["status"] = f"slowed down by {percent:.2g} %"
-        held.append(SectionPlan(plan.nodes.dilated(float(factor)), plan.lower_bound, stats))
+        held.append(
+            replace(
+                plan,
+                nodes=plan.nodes.dilated(float(factor)),
+                status=Status.SLOWED if factor > WORTH_SAYING else plan.status,
+                work=replace(plan.work, slowdown=max(1.0, plan.work.slowdown) * float(factor)),
+                notes=(*plan.notes, note),
+                outcome=None,
+            )
+        )
     return held
 
 
-def _collect(sections: list[Section], plans: list[SectionPlan], limits: Limits, exact_stop: bool) -> dict[str, Any]:
-    """What the solver did, over all sections, and what a reader of the verdict should know of the path."""
+def _notes(sections: list[Section], plans: list[SectionPlan], limits: Limits) -> tuple[str, ...]:
+    """What a reader of the verdict should know of the path and of its plan."""
     notes = []
     for section in sections[1:]:
         bend = f", a bend of {section.bend:.3g} mm radius" if section.bend > 0.0 else ""
@@ -362,25 +373,16 @@ def _collect(sections: list[Section], plans: list[SectionPlan], limits: Limits, 
             for b in section.jumps
         ]
     for plan in plans:
-        notes += plan.stats.get("notes", [])
+        notes += plan.notes
     if not limits.has_jerk:
         notes.append("no jerk limit is set: planned without one, the acceleration may step")
-    every = [plan.stats for plan in plans]
-    status = next((s["status"] for s in every if s["status"] not in {"optimal", "feasible"}), every[0]["status"])
-    stats: dict[str, Any] = {"status": status, "period": limits.period, "notes": notes, "sections": len(sections)}
-    for key in ("iterations", "intervals", "solve_cpu_s", "first_solve_cpu_s"):
-        stats[key] = sum(s.get(key, 0) for s in every)
-    for key in ("gap", "residual", "rounds", "slowdown"):
-        found = [s[key] for s in every if key in s]
-        if found:
-            stats[key] = max(found)
-    if all("proven_global" in s for s in every):
-        stats["proven_global"] = all(s["proven_global"] for s in every)
-    stats |= {"exact_stop": exact_stop, "periodic": any(np.isnan(s.start_feed or 0.0) for s in sections)}
+    return tuple(notes)
+
+
+def _saved(plans: list[SectionPlan]) -> dict[str, float]:
+    """Time that one percent more of each limit saves, over all sections, most first."""
     saved: dict[str, float] = {}
-    for s in every:
-        for name, value in s.get("saved_by_one_percent", {}).items():
+    for plan in plans:
+        for name, value in plan.saved.items():
             saved[name] = saved.get(name, 0.0) + value
-    if saved:
-        stats["saved_by_one_percent"] = dict(sorted(saved.items(), key=lambda item: -item[1]))
-    return stats
+    return dict(sorted(saved.items(), key=lambda item: -item[1]))

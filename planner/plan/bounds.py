@@ -167,7 +167,7 @@ def _stops(profile: FeedrateProfile) -> dict[float, float]:
 
 def _is_periodic(curve: Curve, profile: FeedrateProfile) -> bool:
     """The plan passes its end into its start: the curve closes, and feed and acceleration are the same at both."""
-    if not profile.feed[0] > 0.0 or profile.stats.get("periodic", True) is False:
+    if not profile.feed[0] > 0.0 or profile.origin.periodic is False:
         return False
     ends = [curve.derivatives(np.array([u]), 0)[0, 0] for u in curve.domain]
     size = float(np.ptp(curve.derivatives(np.linspace(*curve.domain, 64), 0)[0], axis=0).max())

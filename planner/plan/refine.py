@@ -17,9 +17,9 @@ too much is given back in four ways, the first that serves:
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +36,7 @@ from planner.plan.rows import Parameter
 from planner.plan.section import Section, axis_weights, weighted_arclength
 from planner.plan.stage import HOPELESS, TIGHTENING_ROUNDS, TOO_COARSE, WORTH_SAYING, Attempt, Stage, Task
 from planner.plan.utilisation import Utilisation, utilisation
+from planner.status import Status, Work
 from planner.types import Progress
 
 DEFAULT_INTERVALS = 1000
@@ -62,12 +63,30 @@ _ON_STOP = 2e-12
 
 @dataclass(frozen=True, eq=False)
 class SectionPlan:
-    """A solved section: its time law, a lower bound of its time, and what the solver says of it."""
+    """A solved section: its time law, a lower bound of its time, and what the solver says of it.
+
+    ``saved``: time that one percent more of each limit saves, s, where the method tells.
+    """
 
     nodes: TimeNodes
     lower_bound: float
-    stats: dict[str, Any]
+    status: Status
+    work: Work
+    notes: tuple[str, ...] = ()
+    saved: Mapping[str, float] = field(default_factory=dict)
     outcome: Outcome | None = None
+
+    def said_slowed(self, place: float) -> SectionPlan:
+        """Say so, in status and notes, where the plan is a good deal slower than what was solved for, because of a place."""
+        slowdown = self.work.slowdown
+        if slowdown <= WORTH_SAYING:
+            return self
+        note = (
+            f"slowed down as a whole by {100.0 * (slowdown - 1.0):.2g} %, for what the plan would use of its limits at u = "
+            f"{place:.6g}: refining the grid there did not help"
+        )
+        status = Status.SLOWED if self.status.as_meant else self.status
+        return replace(self, status=status, notes=(*self.notes, note))
 
 
 @dataclass(frozen=True)
@@ -109,23 +128,28 @@ def plan_section(
     wanted = effort.intervals
     guess = scan(section, limits, wanted)
     most = resolvable(guess)
-    notes = []
+    notes: tuple[str, ...] = ()
     if wanted > most:
-        notes.append(
+        notes = (
             f"{wanted} intervals asked for, {most} used: in a plan of {guess.duration:.3g} s closer nodes differ by "
-            "little more than rounding"
+            "little more than rounding",
         )
         wanted = most
     task = Task(with_blends(section, guess), limits, guess, method, periodic, deadline, progress)
     effort = replace(effort, intervals=wanted)
     found = _best_of_tries(task, effort, most)
     _require_met(task, found.best)
-    stats = {**found.best.stats, "notes": notes + found.notes}
-    stats |= {"solve_cpu_s": found.spent, "first_solve_cpu_s": found.first}
-    say_slowing_down(found.best.slowdown, found.best.place, stats)
-    nodes = found.best.nodes
-    bound = section_bound(section, limits, wanted, Pace(nodes.u, nodes.t), periodic=periodic)
-    return SectionPlan(nodes, bound, stats, found)
+    best, attempt = found.best, found.attempt
+    work = replace(
+        attempt.work,
+        rounds=best.number + 1,
+        slowdown=best.slowdown,
+        solve_cpu_s=found.spent,
+        first_solve_cpu_s=found.first,
+    )
+    bound = section_bound(section, limits, wanted, Pace(best.nodes.u, best.nodes.t), periodic=periodic)
+    plan = SectionPlan(best.nodes, bound, attempt.status, work, (*notes, *found.notes), attempt.saved, found)
+    return plan.said_slowed(best.place)
 
 
 def _best_of_tries(task: Task, effort: Effort, most: int) -> Outcome:
@@ -170,7 +194,7 @@ class Outcome:
     attempt: Attempt
     spent: float
     first: float
-    notes: list[str]
+    notes: tuple[str, ...]
 
 
 def _refined(task: Task, effort: Effort, most: int, *, follow: bool) -> Outcome:
@@ -178,10 +202,10 @@ def _refined(task: Task, effort: Effort, most: int, *, follow: bool) -> Outcome:
     wanted = effort.intervals
     attempt = _coarse(task, max(MIN_INTERVALS, wanted // _COARSER), follow) if task.method == "optimal" else None
     stage = Stage.on(task, place_knots(task.section, task.guess, wanted, follow=follow))
-    spent = attempt.stats["solve_cpu_s"] if attempt else 0.0
+    spent = attempt.work.solve_cpu_s if attempt else 0.0
     first, work, slowdown = 0.0, 0, np.inf
     most_work = max(_MOST_WORK, _WORK_PER_INTERVAL * wanted)
-    notes: list[str] = []
+    notes: tuple[str, ...] = ()
     found: Outcome | None = None
     for number in range(_MAX_ROUNDS):
         try:
@@ -190,14 +214,14 @@ def _refined(task: Task, effort: Effort, most: int, *, follow: bool) -> Outcome:
         except (InfeasibleError, SolverError) as error:
             if found is None:
                 raise
-            notes.append(f"refinement ended after {number} rounds: {error}")
+            notes = (f"refinement ended after {number} rounds: {error}",)
             break
-        spent += attempt.stats["solve_cpu_s"]
+        spent += attempt.work.solve_cpu_s
         first = first or spent
         if found is None or this.is_better_than(found.best, task):
-            found = Outcome(task, this, stage, attempt, spent, first, notes)
+            found = Outcome(task, this, stage, attempt, spent, first, ())
         idle = effort.free and number < _IDLE_ROUNDS and attempt.idle > _UNBOUND
-        work += stage.grid.intervals * int(attempt.stats["iterations"])
+        work += stage.grid.intervals * attempt.work.iterations
         if (this.is_accepted(task) and not idle) or work > most_work:
             break
         if time.perf_counter() > task.deadline:
@@ -209,7 +233,7 @@ def _refined(task: Task, effort: Effort, most: int, *, follow: bool) -> Outcome:
             break
     if found is None:
         raise SolverError("no round of refinement was run")
-    return replace(found, spent=spent, first=first)
+    return replace(found, spent=spent, first=first, notes=notes)
 
 
 def hold_chords(plan: SectionPlan) -> SectionPlan:
@@ -234,7 +258,7 @@ def hold_chords(plan: SectionPlan) -> SectionPlan:
             break
         with suppress(SolverError, InfeasibleError):
             attempt = stage.solve(task, attempt)
-            work += stage.grid.intervals * int(attempt.stats["iterations"])
+            work += stage.grid.intervals * attempt.work.iterations
             best = Round.of(task, best.number + 1, attempt, stage.path)
             nodes = best.nodes
             continue
@@ -242,13 +266,20 @@ def hold_chords(plan: SectionPlan) -> SectionPlan:
     nodes, attempt, best = kept
     if best is plan.outcome.best:
         return plan
-    stats = {**plan.stats, **{k: best.stats[k] for k in ("status", "iterations", "gap", "residual", "intervals")}}
     note = (
         f"held slow near u = {place:.6g} for its chord error, which the osculating circle does not tell where the "
         "curvature changes within a period"
     )
-    stats |= {"slowdown": best.slowdown, "notes": [*plan.stats["notes"], note]}
-    return SectionPlan(nodes, plan.lower_bound, stats)
+    last = attempt.work
+    spent = replace(
+        plan.work,
+        slowdown=best.slowdown,
+        intervals=last.intervals,
+        iterations=last.iterations,
+        gap=last.gap,
+        residual=last.residual,
+    )
+    return replace(plan, nodes=nodes, status=attempt.status, work=spent, notes=(*plan.notes, note), outcome=None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,7 +294,6 @@ class Round:
     used: Utilisation
     slowdown: float
     forward: bool
-    stats: dict[str, Any]
 
     @classmethod
     def of(cls, task: Task, number: int, attempt: Attempt, path: Parameter) -> Round:
@@ -277,8 +307,7 @@ class Round:
         kappa = 1.0 if task.prescribed else max(1.0, slowdown * (1.0 + PEAK_MARGIN))
         forward = bool((used.backward <= _BACKWARD * float(np.abs(nodes.u_rate).max())).all())
         forward &= bool((np.diff(nodes.u) >= 0.0).all())
-        stats = {**attempt.stats, "slowdown": slowdown, "rounds": number + 1}
-        return cls(number, nodes.dilated(kappa), used, slowdown, forward, stats)
+        return cls(number, nodes.dilated(kappa), used, slowdown, forward)
 
     @property
     def place(self) -> float:
@@ -309,18 +338,6 @@ def _coarse(task: Task, intervals: int, follow: bool) -> Attempt | None:
         stage = Stage.on(task, place_knots(task.section, task.guess, intervals, follow=follow))
         return replace(stage.solve(task, None, _COARSE_GAP), waypoint=None)
     return None
-
-
-def say_slowing_down(slowdown: float, place: float, stats: dict[str, Any]) -> None:
-    """Say so, in status and notes, where a plan is a good deal slower than what was solved for."""
-    if slowdown > WORTH_SAYING:
-        percent = 100.0 * (slowdown - 1.0)
-        if stats["status"] in {"optimal", "feasible"}:
-            stats["status"] = f"slowed down by {percent:.2g} %"
-        stats["notes"].append(
-            f"slowed down as a whole by {percent:.2g} %, for what the plan would use of its limits at u = "
-            f"{place:.6g}: refining the grid there did not help"
-        )
 
 
 def _require_met(task: Task, best: Round) -> None:

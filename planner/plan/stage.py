@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from planner.plan.solvers.interior import Solution, Waypoint
 from planner.plan.speed_law import SpeedLaw
 from planner.plan.utilisation import Utilisation
 from planner.profile import BINDING_SHARE
+from planner.status import Status, Work
 from planner.types import FloatArray, Progress
 
 _LEAST_GUESS = 1e-6
@@ -99,13 +100,16 @@ def _tightened(
 class Attempt:
     """What one solve gave: the law, where the next solve may begin, and what is said of it.
 
-    ``unbound (n - 1,)``: share of the time of each interval, knot - middle - knot, in which no limit binds.
+    ``unbound (n - 1,)``: share of the time of each interval, knot - middle - knot, in which no limit binds.  ``saved``: time
+    that one percent more of each limit saves, s, where the solver tells.
     """
 
     law: SpeedLaw
     waypoint: Waypoint | None
     unbound: FloatArray
-    stats: dict[str, Any]
+    status: Status
+    work: Work
+    saved: Mapping[str, float]
 
     @property
     def idle(self) -> float:
@@ -178,7 +182,7 @@ class Stage:
         waypoint = before.waypoint if before else None
         try:
             solution = _run(task, problem, waypoint, before is not None, tolerance)
-            if before is not None and solution.status.startswith("stalled"):
+            if before is not None and solution.status.stalled:
                 # A coarse law that fits the finer grid badly is a worse start than none; where it stalled it is feasible.
                 with suppress(SolverError):
                     again = _run(task, self.problem, None, False, tolerance)
@@ -191,16 +195,27 @@ class Stage:
         unbound = (idle[:-2:2] + 4.0 * idle[1::2] + idle[2::2]) / 6.0
         scale = problem.length_unit
         x, a, c = solution.x * per_x, solution.a * per_x / scale, solution.c * per_x / scale**2
-        return Attempt(SpeedLaw(self.grid.sigma, x, a, c), solution.waypoint, unbound, self._stats(task, solution))
+        law = SpeedLaw(self.grid.sigma, x, a, c)
+        return Attempt(
+            law, solution.waypoint, unbound, solution.status, self._work(solution), self._saved(task, solution)
+        )
 
-    def _stats(self, task: Task, solution: Solution) -> dict[str, Any]:
-        stats = {"status": solution.status, "iterations": solution.iterations, "gap": solution.gap}
-        stats |= {"residual": solution.residual, "intervals": self.grid.intervals, "solve_cpu_s": solution.cpu_s}
-        if solution.iterate is not None:
-            saved = saved_by_one_percent(solution.iterate, self.speed, task.limits, task.section.curve.axes)
-            stats["saved_by_one_percent"] = {name: value * self.problem.time_unit for name, value in saved.items()}
-            stats["proven_global"] = solution.status == "optimal" and optimal.is_global(solution.iterate)
-        return stats
+    def _work(self, solution: Solution) -> Work:
+        optimum = solution.status is Status.OPTIMAL
+        return Work(
+            intervals=self.grid.intervals,
+            iterations=solution.iterations,
+            solve_cpu_s=solution.cpu_s,
+            gap=solution.gap,
+            residual=solution.residual,
+            proven_global=optimum and solution.iterate is not None and optimal.is_global(solution.iterate),
+        )
+
+    def _saved(self, task: Task, solution: Solution) -> Mapping[str, float]:
+        if solution.iterate is None:
+            return {}
+        saved = saved_by_one_percent(solution.iterate, self.speed, task.limits, task.section.curve.axes)
+        return {name: value * self.problem.time_unit for name, value in saved.items()}
 
     def next(
         self,

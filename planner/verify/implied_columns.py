@@ -5,7 +5,7 @@ anew there from the curve and the time law; no column is believed.
 
 The limit named at a node must be the one of which most is used, but for ``BINDING_TOLERANCE``; "none" counts as a limit
 of which ``BINDING_SHARE`` is used, so it must be named where nothing is used more, and nowhere else.  A plan that was slowed
-down as a whole says by how much (``stats["slowed"]``); its limits count as they were used before.
+down as a whole says by how much (``slowed``); its limits count as they were used before.
 """
 
 from __future__ import annotations
@@ -158,7 +158,7 @@ def limit_names(curve: Curve) -> tuple[str, ...]:
 def _slowed(profile: FeedrateProfile) -> FloatArray:
     """By which factor the plan was slowed down at each node."""
     factor = np.ones(profile.t.size)
-    for node, value in profile.stats.get("slowed", ()):
+    for node, value in profile.slowed:
         factor[node:] = value
     return factor
 

@@ -159,7 +159,7 @@ class TestNumbers:
         assert facts["version"] == __version__
 
     def test_sensitivities_and_origin(self, tmp_path, profile):
-        told = dataclasses.replace(profile, stats={"saved_by_one_percent": {"feed": 0.016, "jerk X": 0.003}})
+        told = dataclasses.replace(profile, saved_by_one_percent={"feed": 0.016, "jerk X": 0.003})
         write_report(tmp_path / "r.html", judged(told, facts=(("program", "45 lines"),)))
         found = facts_of(tmp_path / "r.html")
         assert found["saved_by_one_percent_s"] == {"feed": 0.016, "jerk X": 0.003}
@@ -325,7 +325,7 @@ class TestPage:
         named = NurbsCurve([[0, 0], [20, 1], [40, 0], [60, 2]], [0, 0, 0, 0, 1, 1, 1, 1], 3, name=NASTY)
         plan = plan_along(named, scurve(named.length, 50.0, 500.0, 5000.0))
         limits = load_limits("mill").for_curve(named)
-        told = dataclasses.replace(plan, stats={"notes": [NASTY]})
+        told = dataclasses.replace(plan, notes=(NASTY,))
         write_report(tmp_path / "r.html", dataclasses.replace(judged(told, limits), machine=NASTY))
         found = facts_of(tmp_path / "r.html")
         assert (found["curve"]["name"], found["machine"], found["notes"]) == (NASTY, NASTY, [NASTY])

@@ -18,6 +18,7 @@ from rich.console import Console
 from feedplan.verdict import Verdict, quantity, to_json, to_text
 from interp import replay
 from planner import Limits, check, load_curve, plan_feedrate
+from planner.status import Claim, Status
 from planner.verify import Report, Row
 
 CURVE = load_curve("teardrop")
@@ -37,8 +38,8 @@ def text_of(verdict: Verdict, width: int = 200) -> str:
     return out.getvalue()
 
 
-def with_stats(verdict: Verdict, **stats: Any) -> Verdict:
-    return replace(verdict, profile=replace(verdict.profile, stats={**verdict.profile.stats, **stats}))
+def with_plan(verdict: Verdict, **changes: Any) -> Verdict:
+    return replace(verdict, profile=replace(verdict.profile, **changes))
 
 
 def with_shares(verdict: Verdict, **shares: float) -> Verdict:
@@ -86,12 +87,12 @@ def test_without_a_bound_there_is_no_gap(sound: Verdict, bound: float) -> None:
 def test_ten_percent_more_of_the_four_limits_worth_most(sound: Verdict) -> None:
     duration = sound.profile.duration
     worth = {name: 1e-5 * duration * share for name, share in zip("abcdef", (50, 20, 10, 5, 4, 0.9), strict=True)}
-    text = text_of(with_stats(sound, saved_by_one_percent=worth))
+    text = text_of(with_plan(sound, saved_by_one_percent=worth))
     shown = ", ".join(f"{name} saves {10.0 * worth[name]:.3g} s" for name in "abcd")
     assert shown in text
     assert "e saves" not in text
     for share, said in ((1.01, True), (0.99, False)):
-        one = with_stats(sound, saved_by_one_percent={"jerk X": 1e-5 * duration * share})
+        one = with_plan(sound, saved_by_one_percent={"jerk X": 1e-5 * duration * share})
         assert ("jerk X saves" in text_of(one)) is said
 
 
@@ -103,15 +104,16 @@ def test_small_shares_are_summed_up(sound: Verdict) -> None:
 
 @pytest.mark.parametrize(("count", "shown"), [(8, 8), (9, 7)])
 def test_many_notes_are_cut_short(sound: Verdict, count: int, shown: int) -> None:
-    text = text_of(with_stats(sound, notes=[f"note number {k}." for k in range(count)]))
+    text = text_of(with_plan(sound, notes=tuple(f"note number {k}." for k in range(count))))
     assert [f"note number {k}." in text for k in range(count)] == [k < shown for k in range(count)]
     assert (f"{count - shown} more notes are in --json" in text) is (count > shown)
 
 
 def test_a_plan_that_is_not_the_optimum_says_so(sound: Verdict) -> None:
-    for status, said in (("optimal", False), ("feasible", False), ("budget", True), ("slowed down by 2 %", True)):
-        notes = with_stats(sound, status=status).notes
-        assert any(f"not the optimum ({status})" in note for note in notes) is said
+    for status in Status:
+        notes = with_plan(sound, status=status).notes
+        said = any(f"not the optimum: {status.sentence}; the gap" in note for note in notes)
+        assert said is (status not in {Status.OPTIMAL, Status.FEASIBLE})
 
 
 def program_of(largest: float, tolerance: float, lines: int, notes: tuple[str, ...] = ()) -> Any:
@@ -135,7 +137,7 @@ def test_how_a_path_keeps_to_its_program(sound: Verdict, largest: float, toleran
 
 @pytest.mark.parametrize(("count", "said"), [(8, "60, 70"), (9, "60, 70, ...")])
 def test_stops_of_a_program_are_told_by_line(sound: Verdict, count: int, said: str) -> None:
-    verdict = with_stats(sound, notes=["exact stop at u = 0.1", "exact stop at u = 0.15"])
+    verdict = with_plan(sound, notes=("exact stop at u = 0.1", "exact stop at u = 0.15"))
     verdict = replace(verdict, program=program_of(0.0, 0.01, count, ("read in inches",)))
     assert verdict.notes == ["read in inches", "exact stop at u = 0.15"]
     wanted = f"exact stops   {count}, corner: after line 0, 10, 20, 30, 40, 50, {said}"
@@ -190,10 +192,11 @@ def test_quantities(value: float, said: str) -> None:
     assert quantity(0.5, "") == "0.5"
 
 
-@pytest.mark.parametrize(("claimed", "said"), [(True, "the claim of the table is false"), (False, "please report it")])
-def test_a_bound_above_a_sound_plan_is_no_ok(sound: Verdict, claimed: bool, said: str) -> None:
-    stats = {**sound.profile.stats, "bound_claimed": claimed}
-    above = replace(sound.profile, lower_bound=(1.0 + 3e-6) * sound.profile.duration, stats=stats)
+@pytest.mark.parametrize(
+    ("claim", "said"), [(Claim.TABLE, "the claim of the table is false"), (Claim.COMPUTED, "please report it")]
+)
+def test_a_bound_above_a_sound_plan_is_no_ok(sound: Verdict, claim: Claim, said: str) -> None:
+    above = replace(sound.profile, lower_bound=(1.0 + 3e-6) * sound.profile.duration, claim=claim)
     verdict = replace(sound, profile=above)
     assert verdict.contradicted
     assert not verdict.ok

@@ -171,7 +171,7 @@ def test_the_period_comes_from_the_plan_where_none_is_given(short_plan):
     assert replay(curve, profile).period == 1e-3
     nodes = (profile.t, profile.u, profile.u_rate, profile.u_acceleration)
     limits = Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2)
-    planned = make_profile(curve, limits, nodes, method="s-curve", stats={"period": 2e-3})
+    planned = make_profile(curve, limits.with_period(2e-3), nodes, method="s-curve")
     assert replay(curve, planned).period == 2e-3
     assert replay(curve, planned, 5e-3).period == 5e-3
 

@@ -50,7 +50,7 @@ def planned(file, tolerance):
     profile = plan_feedrate(path.curve, limits, intervals=None)
     report = check(path.curve, limits, profile)
     assert report.ok, report.violations
-    assert profile.stats.get("slowdown", 1.0) <= 1.001
+    assert profile.work.slowdown <= 1.001
     return program, path, profile
 
 

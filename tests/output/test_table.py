@@ -6,6 +6,7 @@ import dataclasses
 import io
 import os
 import zipfile
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -29,8 +30,11 @@ from planner import (
     write_table,
 )
 from planner.geometry.nurbs import NurbsCurve
+from planner.geometry.tolerance import PathTolerance
+from planner.origin import Origin
 from planner.output.table import write_samples
 from planner.profile import make_profile
+from planner.status import Claim, Status, Work
 from planner.verify.implied_columns import Nodes
 
 COLUMNS = ("t", "u", "u_rate", "u_acceleration", "s", "feed", "acceleration", "jerk", "binding")
@@ -97,9 +101,12 @@ def profiles(draw):
         method=draw(st.sampled_from(["optimal", "nlp", ""])),
         lower_bound=draw(st.one_of(st.just(np.nan), st.floats(0.0, float(t[-1])))),
     )
-    facts = {"exact_stop": draw(st.booleans()), "status": draw(st.sampled_from(["optimal", "budget"]))}
+    tolerance = st.builds(PathTolerance, st.none() | st.floats(1e-6, 1.0), st.just(1.0) | st.floats(0.1, 0.9))
+    origin = Origin(LIMITS.period, draw(st.booleans()), False, draw(st.none() | tolerance))
     notes = draw(st.lists(st.text(st.characters(codec="utf-8")), max_size=2))
-    return dataclasses.replace(profile, stats={"notes": notes, "periodic": False, **facts})
+    return dataclasses.replace(
+        profile, origin=origin, status=draw(st.sampled_from(Status)), notes=tuple(notes), work=Work(iterations=7)
+    )
 
 
 class TestRoundTrip:
@@ -113,8 +120,10 @@ class TestRoundTrip:
         assert same_bits(found, profile)
         assert np.array_equal(found.lower_bound, profile.lower_bound, equal_nan=True)
         assert (found.method, found.limit_names, found.curve) == (profile.method, profile.limit_names, CIRCLE)
-        told = {"period": LIMITS.period, "bound_claimed": True, "verdict": found.stats["verdict"]}
-        assert found.stats == {**profile.stats, **told}
+        assert (found.origin, found.status, found.notes) == (profile.origin, profile.status, profile.notes)
+        assert found.claim is (Claim.NONE if np.isnan(profile.lower_bound) else Claim.TABLE)
+        assert found.checked.startswith(("every limit holds", "BREAKS"))
+        assert found.work == Work()
 
     @SUFFIXES
     def test_numbers_too_small_for_their_digits_come_back(self, tmp_path, suffix):
@@ -519,11 +528,11 @@ class TestTruth:
 
     def test_stops_and_ends_that_are_claimed_must_be_there(self, tmp_path):
         plain = plan_feedrate(BENDS, MILL, intervals=400, end_feed=20.0)
-        for stats, message in (
-            ({"exact_stop": True}, "does not stop at u = 0.5, "),
-            ({"periodic": True}, "periodic = yes, but"),
+        for origin, message in (
+            (Origin(exact_stop=True), "does not stop at u = 0.5, "),
+            (Origin(periodic=True), "periodic = yes, but"),
         ):
-            write_table(tmp_path / "t.csv", dataclasses.replace(plain, stats=stats), MILL)
+            write_table(tmp_path / "t.csv", dataclasses.replace(plain, origin=origin), MILL)
             with pytest.raises(InputError, match=message):
                 read_table(tmp_path / "t.csv", BENDS)
 
@@ -534,22 +543,43 @@ class TestTruth:
         nodes = (profile.t * k, profile.u, profile.u_rate / k, profile.u_acceleration / k**2)
         slowed = np.where(np.arange(profile.t.size) < 20, 1.0, k)
         plan = make_profile(profile.curve, limits, nodes, method="", slowed=slowed)
-        assert plan.stats["slowed"] == [(0, 1.0), (20, k)]
+        assert plan.slowed == ((0, 1.0), (20, k))
         assert (plan.binding[20:] == profile.binding[20:]).mean() > 0.98
         path = tmp_path / "t.csv"
         write_table(path, plan, limits)
         found = read_table(path, profile.curve)
-        assert found.stats["slowed"] == plan.stats["slowed"]
+        assert found.slowed == plan.slowed
         assert check(profile.curve, limits, found).row("binding limit").ok
         for slowed, message in (
-            ([(0, 1.0)], 'binding = ".*" disagrees'),
-            ([(0, 0.5)], "factors of at least 1"),
-            ([(1, k)], "rows increasing from 0"),
+            (((0, 1.0),), 'binding = ".*" disagrees'),
+            (((0, 0.5),), "factors of at least 1"),
+            (((1, k),), "rows increasing from 0"),
         ):
-            false = dataclasses.replace(plan, stats={"slowed": slowed})
+            false = dataclasses.replace(plan, slowed=slowed)
             write_table(path, false, limits)
             with pytest.raises(InputError, match=message):
                 read_table(path, profile.curve)
+
+    @pytest.mark.parametrize(
+        ("word", "status"),
+        [
+            *((status.value, status) for status in Status),
+            ("slowed down by 0.21 %", Status.SLOWED),
+            ("stalled: the Newton system is singular", Status.SINGULAR),
+            ("stalled: the step length vanished", Status.NO_STEP),
+            ("stalled: 200 iterations", Status.TOO_MANY),
+            ("done", None),
+        ],
+    )
+    def test_the_status_of_tables_written_before_is_understood(self, tmp_path, teardrop, word, status):
+        profile, limits = teardrop
+        write_table(tmp_path / "t.csv", dataclasses.replace(profile, status=SimpleNamespace(value=word)), limits)
+        assert f"# status = {word}\n" in (tmp_path / "t.csv").read_text()
+        if status is not None:
+            assert read_table(tmp_path / "t.csv", profile.curve).status is status
+        else:
+            with pytest.raises(InputError, match='status = "done"; it must be one of optimal, feasible'):
+                read_table(tmp_path / "t.csv", profile.curve)
 
     def test_a_plan_that_breaks_a_limit_is_marked(self, tmp_path, teardrop):
         profile, limits = teardrop

@@ -267,21 +267,19 @@ def test_a_plan_is_periodic_that_says_so_or_closes_and_says_nothing(periodic):
     """What a plan says decides where it can be true; a table of other makers says nothing."""
     curve = load_curve("circle")
     around = plan_feedrate(curve, LIMITS, periodic=True, intervals=100)
-    stats = dict(around.stats) | {"periodic": periodic}
-    if periodic is None:
-        del stats["periodic"]
-    assert certify(curve, LIMITS, replace(around, stats=stats), intervals=60).certificate.periodic is (
+    origin = replace(around.origin, periodic=periodic)
+    assert certify(curve, LIMITS, replace(around, origin=origin), intervals=60).certificate.periodic is (
         periodic is not False
     )
     for column in ("feed", "acceleration"):
         other = getattr(around, column).copy()
         other[-1] += 1e-5 * np.abs(getattr(around, column)).max()
-        unlike = replace(around, stats=stats, **{column: other})
+        unlike = replace(around, origin=origin, **{column: other})
         assert not bounds._is_periodic(curve, unlike)
     apart = FormulaCurve({"X": "50*cos(u)", "Y": "50*sin(u)"}, (0.0, 6.2))
-    assert not bounds._is_periodic(apart, replace(around, curve=apart, stats=stats))
+    assert not bounds._is_periodic(apart, replace(around, curve=apart, origin=origin))
     still = np.zeros(around.t.size)
-    assert not bounds._is_periodic(curve, replace(around, feed=still, acceleration=still, stats=stats))
+    assert not bounds._is_periodic(curve, replace(around, feed=still, acceleration=still, origin=origin))
 
 
 def test_caps_alone_bound_where_nothing_else_is_known():
@@ -439,6 +437,6 @@ def test_a_closed_path_from_rest_to_rest_is_not_periodic():
     """Feed and acceleration are the same at both ends there too: nothing."""
     curve, limits = load_curve("circle"), load_limits("mill").for_curve(load_curve("circle"))
     profile = plan_feedrate(curve, limits, intervals=100)
-    silent = replace(profile, stats={name: value for name, value in profile.stats.items() if name != "periodic"})
+    silent = replace(profile, origin=replace(profile.origin, periodic=None))
     assert profile.feed[0] == profile.feed[-1] == 0.0
     assert not certify(curve, limits, silent).certificate.periodic

@@ -13,6 +13,7 @@ from planner import Curve, InputError, Limits, certify, check, load_curve, load_
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
 from planner.output.plots import plot_plan, save_plot
+from planner.status import Status
 
 CASES = [
     pytest.param(name, scale, feed, with_jerk[k], without[k], id=f"{name}-{feed:g}")
@@ -28,7 +29,7 @@ def test_optimal_plan_reaches_the_reference_optimum_and_keeps_every_limit(
     curve, limits = load_curve(name, scale=scale), plane(feed)
     profile = plan_feedrate(curve, limits)
     assert optimum * (1.0 - 1e-4) <= profile.duration <= optimum * 1.0005
-    assert profile.stats["status"] == "optimal"
+    assert profile.status is Status.OPTIMAL
     assert 0.99 <= worst(curve, limits, profile) <= 1.0 + 1e-6
     assert worst(curve, limits, replay(curve, profile)) <= 1.0 + 1e-6
     assert without_jerk * 0.998 <= profile.lower_bound <= profile.duration
@@ -191,6 +192,6 @@ def test_features_of_micrometres_and_nanometres(height: float) -> None:
     knots = np.concatenate([[s[0]] * 4, np.convolve(s, np.ones(3) / 3.0, "valid")[1:-1], [s[-1]] * 4])
     curve = NurbsCurve(points, knots, 3)
     profile = plan_feedrate(curve, plane())
-    assert profile.stats["slowdown"] < 1.002
+    assert profile.work.slowdown < 1.002
     assert check(curve, plane(), profile).ok
     assert profile.duration == pytest.approx(2.0 * s_curve_time(20.0, 100.0, 1000.0, 20000.0), rel=0.04)

@@ -14,28 +14,29 @@ from planner import Curve, InfeasibleError, InputError, Limits, SolverError, che
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
 from planner.plan.solvers import interior as optimal
+from planner.status import Status
 
 
 def test_corners_become_exact_stops() -> None:
     curve = square(20.0)
     profile = plan_feedrate(curve, plane())
     assert profile.duration == pytest.approx(4.0 * s_curve_time(20.0, 100.0, 1000.0, 20000.0), rel=1e-4)
-    assert sum("exact stop" in note for note in profile.stats["notes"]) == 3
+    assert sum("exact stop" in note for note in profile.notes) == 3
     worst(curve, plane(), profile)
 
 
 def test_a_plan_of_s_curves_counts_the_intervals_of_its_sides_and_claims_no_bound() -> None:
     """Two nodes share each of the three corners of the four sides."""
     profile = plan_feedrate(square(20.0), plane(), method="scurve")
-    assert profile.stats["status"] == "feasible"
-    assert profile.stats["intervals"] == np.count_nonzero(np.diff(profile.t)) == profile.t.size - 4
+    assert profile.status is Status.FEASIBLE
+    assert profile.work.intervals == np.count_nonzero(np.diff(profile.t)) == profile.t.size - 4
     assert np.isnan(profile.lower_bound)
 
 
 def test_a_curvature_jump_is_passed_slowly_enough_for_the_samples() -> None:
     curve, limits = line_into_arc(), plane()
     profile = plan_feedrate(curve, limits)
-    assert any("curvature jumps" in note for note in profile.stats["notes"])
+    assert any("curvature jumps" in note for note in profile.notes)
     at = int(np.flatnonzero(profile.u == 1.0)[0])
     step = 0.1 * profile.feed[at] ** 2
     assert step <= 2.0 / 3.0 * 20000.0 * limits.period * (1.0 + 1e-9)
@@ -50,7 +51,7 @@ def test_a_curvature_jump_is_passed_slowly_enough_for_the_samples() -> None:
 def test_exact_stop_stops_at_a_curvature_jump() -> None:
     profile = plan_feedrate(line_into_arc(), plane(), exact_stop=True)
     assert profile.feed[profile.u == 1.0].max() == 0.0
-    assert any("exact stop at u = 1" in note for note in profile.stats["notes"])
+    assert any("exact stop at u = 1" in note for note in profile.notes)
     worst(line_into_arc(), plane(), profile)
 
 
@@ -133,11 +134,11 @@ def test_sections_are_chained_without_a_gap() -> None:
     assert four.duration == pytest.approx(4.0 * one.duration, rel=1e-6)
     assert four.lower_bound == pytest.approx(4.0 * one.lower_bound, rel=1e-6)
     for key in ("intervals", "iterations"):
-        assert four.stats[key] == pytest.approx(4 * one.stats[key], rel=0.1)
-    assert sum(four.stats["saved_by_one_percent"].values()) == pytest.approx(
-        4.0 * sum(one.stats["saved_by_one_percent"].values()), rel=1e-3
+        assert getattr(four.work, key) == pytest.approx(4 * getattr(one.work, key), rel=0.1)
+    assert sum(four.saved_by_one_percent.values()) == pytest.approx(
+        4.0 * sum(one.saved_by_one_percent.values()), rel=1e-3
     )
-    assert (four.stats["sections"], four.stats["periodic"], four.stats["exact_stop"]) == (4, False, False)
+    assert (four.work.sections, four.origin.periodic, four.origin.exact_stop) == (4, False, False)
 
 
 def test_an_entry_feed_that_cannot_be_braked_is_infeasible() -> None:
@@ -326,7 +327,7 @@ def test_a_round_that_fails_leaves_the_plan_before_it(monkeypatch: pytest.Monkey
     """The solver gives up in the second round: the first one's plan, slowed down, and the reason."""
     curve, limits = load_curve("butterfly", scale=10.0), plane()
     whole = plan_feedrate(curve, limits, intervals=300)
-    assert whole.stats["rounds"] > 1
+    assert whole.work.rounds > 1
     solve, calls = optimal.solve, []
 
     def failing(*args: Any, **options: Any) -> Any:
@@ -337,7 +338,7 @@ def test_a_round_that_fails_leaves_the_plan_before_it(monkeypatch: pytest.Monkey
 
     monkeypatch.setattr(optimal, "solve", failing)
     profile = plan_feedrate(curve, limits, intervals=300)
-    assert profile.stats["rounds"] == 1
-    assert any(n.startswith("refinement ended after 1 rounds") and "planted" in n for n in profile.stats["notes"])
+    assert profile.work.rounds == 1
+    assert any(n.startswith("refinement ended after 1 rounds") and "planted" in n for n in profile.notes)
     assert whole.duration < profile.duration < 1.02 * whole.duration
     assert check(curve, limits, profile).ok

@@ -11,13 +11,14 @@ from planner import Curve, Limits, check, load_curve, load_limits, plan_feedrate
 from planner.plan import refine
 from planner.programs.path.path import program_path
 from planner.programs.reading.reader import read_program
+from planner.status import Status
 
 
 def test_without_a_jerk_limit_toppra_plans() -> None:
     limits = plane(jerk=[np.inf] * 2)
     profile = plan_feedrate(load_curve("teardrop"), limits)
     assert profile.duration == pytest.approx(1.0903, rel=1e-3)
-    assert any("no jerk limit" in note for note in profile.stats["notes"])
+    assert any("no jerk limit" in note for note in profile.notes)
 
 
 def test_a_budget_ends_early_with_a_feasible_plan() -> None:
@@ -31,7 +32,7 @@ def test_a_budget_ends_early_with_a_feasible_plan() -> None:
 def test_multipliers_predict_what_another_limit_saves() -> None:
     curve = load_curve("butterfly", scale=10)
     base = plan_feedrate(curve, plane(300.0))
-    saved = base.stats["saved_by_one_percent"]
+    saved = base.saved_by_one_percent
     for name, changes in (
         ("acceleration X", {"acceleration": [1050.0, 1000.0]}),
         ("jerk Y", {"jerk": [20000.0, 21000.0]}),
@@ -96,9 +97,9 @@ def test_a_plan_that_was_slowed_down_says_so_and_still_names_what_binds(monkeypa
     monkeypatch.setattr(refine, "_MAX_ROUNDS", 1)
     curve = load_curve("butterfly", scale=10.0)
     profile = plan_feedrate(curve, plane(), intervals=60)
-    assert profile.stats["slowdown"] > 1.01
-    assert profile.stats["status"].startswith("slowed down by")
-    assert any("slowed down as a whole" in note for note in profile.stats["notes"])
+    assert profile.work.slowdown > 1.01
+    assert profile.status is Status.SLOWED
+    assert any("slowed down as a whole" in note for note in profile.notes)
     assert check(curve, plane(), profile).ok
     assert profile.shares().get("none", 0.0) < 0.8
 
@@ -120,13 +121,13 @@ def test_the_true_chord_error_is_kept_at_a_near_cusp() -> None:
     assert row.ratio > 0.9
     # held there alone: slowed down as a whole it took 3.80 s
     assert profile.duration < 0.72
-    assert profile.stats["slowdown"] < 1.001
-    assert any("for its chord error" in note for note in profile.stats["notes"])
+    assert profile.work.slowdown < 1.001
+    assert any("for its chord error" in note for note in profile.notes)
 
 
 def test_a_plan_that_keeps_its_chord_error_is_left_as_it_is() -> None:
     curve = load_curve("butterfly", scale=10.0)
     limits = plane(chord_error=1e-4)
     profile = plan_feedrate(curve, limits, intervals=400)
-    assert not any("chord error" in note for note in profile.stats["notes"])
+    assert not any("chord error" in note for note in profile.notes)
     assert check(curve, limits, profile).ok

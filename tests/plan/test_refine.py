@@ -17,8 +17,9 @@ from planner.plan.knots import place_knots, scan, with_blends
 from planner.plan.refine import Effort, Round
 from planner.plan.section import Section, cut
 from planner.plan.solvers import interior as optimal
-from planner.plan.stage import Attempt, Stage, Task
+from planner.plan.stage import Stage, Task
 from planner.plan.utilisation import Utilisation
+from planner.status import Status, Work
 
 LIMITS = Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2)
 
@@ -39,7 +40,7 @@ def used_of(**shares: Any) -> Utilisation:
 
 def round_of(seconds: float = 1.0, slowdown: float = 1.0, forward: bool = True, number: int = 0) -> Round:
     nodes = SimpleNamespace(t=np.array([0.0, seconds]), u=np.array([0.0, 1.0]))
-    return Round(number, nodes, used_of(speed=[slowdown]), slowdown, forward, {})  # type: ignore[arg-type]
+    return Round(number, nodes, used_of(speed=[slowdown]), slowdown, forward)  # type: ignore[arg-type]
 
 
 # ---- a solve that stalls -------------------------------------------------------------------------------------------
@@ -58,7 +59,7 @@ def solves(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, Any]]:
             raise SolverError("planted")
         if factor == 1.0:
             return found
-        return replace(found, status="stalled: planted", time=factor * found.time, x=found.x / factor**2)
+        return replace(found, status=Status.NO_STEP, time=factor * found.time, x=found.x / factor**2)
 
     planted.slower = []  # type: ignore[attr-defined]
     monkeypatch.setattr(optimal, "solve", planted)
@@ -76,7 +77,7 @@ def test_a_solve_that_stalls_is_begun_anew_without_the_law_before_it(solves: lis
     planted_times(1.0, 1.5)
     found = stage.solve(task, before)
     assert len(solves) == 3
-    assert found.stats["status"] == "optimal"
+    assert found.status is Status.OPTIMAL
     assert found.law.x == pytest.approx(before.law.x, rel=1e-4)
     # the third one knows neither the law nor the way to it
     problem, start = solves[2]
@@ -91,14 +92,14 @@ def test_a_stalled_solve_is_kept_where_the_second_is_no_better(solves: list[tupl
     planted_times(1.0, 1.5, again)
     found = stage.solve(task, before)
     assert len(solves) == 3
-    assert found.stats["status"] == "stalled: planted"
+    assert found.status is Status.NO_STEP
     assert found.law.x == pytest.approx(before.law.x / 1.5**2, rel=1e-4)
 
 
 def test_a_first_solve_that_stalls_is_not_repeated(solves: list[tuple[Any, Any]]) -> None:
     task, stage = task_of()
     planted_times(1.5)
-    assert stage.solve(task, None).stats["status"] == "stalled: planted"
+    assert stage.solve(task, None).status is Status.NO_STEP
     assert len(solves) == 1
 
 
@@ -220,7 +221,7 @@ def test_idle_is_the_share_of_the_time_in_which_nothing_binds() -> None:
     idle = replace(attempt, unbound=some).idle
     assert idle == pytest.approx(float(time @ some / time.sum()), rel=5e-2)
     assert 0.0 <= attempt.idle < 0.1
-    assert Attempt(attempt.law, None, np.ones(time.size), {}).idle == pytest.approx(1.0)
+    assert replace(attempt, unbound=np.ones(time.size)).idle == pytest.approx(1.0)
 
 
 def test_an_interval_is_idle_by_simpsons_rule(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -290,12 +291,12 @@ def test_a_grid_is_too_coarse_where_tightening_does_not_help(
 
 @pytest.mark.parametrize(("slowdown", "said"), [(1.0009, False), (1.0021, True)])
 def test_a_slowing_down_is_said(slowdown: float, said: bool) -> None:
-    for before, after in (("optimal", "slowed down by 0.21 %"), ("budget", "budget")):
-        stats: dict[str, Any] = {"status": before, "notes": []}
-        refine.say_slowing_down(slowdown, 0.25, stats)
-        assert stats["status"] == (after if said else before)
-        assert len(stats["notes"]) == said
-        assert all("slowed down as a whole by 0.21 %" in note for note in stats["notes"])
+    nodes = round_of().nodes
+    for before, after in ((Status.OPTIMAL, Status.SLOWED), (Status.BUDGET, Status.BUDGET)):
+        plan = refine.SectionPlan(nodes, np.nan, before, Work(slowdown=slowdown)).said_slowed(0.25)
+        assert plan.status is (after if said else before)
+        assert len(plan.notes) == said
+        assert all("slowed down as a whole by 0.21 %" in note for note in plan.notes)
 
 
 def test_a_plan_with_prescribed_feeds_that_exceeds_its_limits_is_refused() -> None:

@@ -10,6 +10,7 @@ import pytest
 from planner import FeedrateProfile, Limits, load_curve, plan_feedrate
 from planner.plan.solvers import interior as optimal
 from planner.plan.solvers import ipopt as nlp
+from planner.status import Status
 
 LIMITS = Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2)
 
@@ -36,24 +37,24 @@ def planned_with(
 def test_every_solve_is_counted_and_the_first_with_the_coarse_one(monkeypatch: pytest.MonkeyPatch) -> None:
     profile, count = planned_with(monkeypatch, "circle", 400)
     assert count > 2
-    assert profile.stats["solve_cpu_s"] == 2.0**count - 1.0
-    assert profile.stats["first_solve_cpu_s"] == 3.0  # on the coarse grid and on the wanted one
+    assert profile.work.solve_cpu_s == 2.0**count - 1.0
+    assert profile.work.first_solve_cpu_s == 3.0  # on the coarse grid and on the wanted one
 
 
 def test_the_reference_method_has_no_coarse_solve(monkeypatch: pytest.MonkeyPatch) -> None:
     profile, count = planned_with(monkeypatch, "circle", 100, method="nlp")
     assert count > 1
-    assert profile.stats["solve_cpu_s"] == 2.0**count - 1.0
-    assert profile.stats["first_solve_cpu_s"] == 1.0
+    assert profile.work.solve_cpu_s == 2.0**count - 1.0
+    assert profile.work.first_solve_cpu_s == 1.0
 
 
 @pytest.mark.parametrize(
     ("name", "status", "proven"),
-    [("circle", "optimal", True), ("circle", "budget", False), ("teardrop", "optimal", False)],
+    [("circle", Status.OPTIMAL, True), ("circle", Status.BUDGET, False), ("teardrop", Status.OPTIMAL, False)],
 )
 def test_only_an_optimum_is_proven_to_be_global(
-    monkeypatch: pytest.MonkeyPatch, name: str, status: str, proven: bool
+    monkeypatch: pytest.MonkeyPatch, name: str, status: Status, proven: bool
 ) -> None:
     """The multipliers of few intervals on a circle are smooth enough; those of a teardrop jump."""
     profile, _ = planned_with(monkeypatch, name, 100, status=status)
-    assert profile.stats["proven_global"] is proven
+    assert profile.work.proven_global is proven

@@ -156,7 +156,7 @@ def test_what_is_said_to_be_saved_is_saved(name: str) -> None:
     the same jerk, more for one alone saves nothing, and what they are worth may be told of either.
     """
     (curve, limits, options), profile = planned(name)
-    said = profile.stats["saved_by_one_percent"]
+    said = profile.saved_by_one_percent
     names = limited(curve, limits)
     assert set(said) <= set(names)
     bounds = {}
@@ -192,7 +192,7 @@ def test_all_together_are_worth_the_whole_time(name: str) -> None:
     _, profile = planned(name)
     kinds = WEIGHTS | {"chord": 2.0}
     total = 0.0
-    for limit, saved in profile.stats["saved_by_one_percent"].items():
+    for limit, saved in profile.saved_by_one_percent.items():
         kind = limit.split(" ")[1] if limit.startswith("tangential") else limit.split(" ")[0]
         total += 100.0 * saved * kinds[kind]
     assert total == pytest.approx(profile.duration, rel=1e-3 if name == "chord" else 1e-4)
@@ -220,7 +220,7 @@ def used(curve: Curve, limits: Limits, profile: FeedrateProfile, limit: str) -> 
 def test_a_limit_costs_time_where_it_holds_the_path_back_and_nowhere_else(name: str) -> None:
     """Shares of the time and savings name the same limits; what never comes near its limit saves nothing."""
     (curve, limits, _), profile = planned(name)
-    said, shares = profile.stats["saved_by_one_percent"], profile.shares()
+    said, shares = profile.saved_by_one_percent, profile.shares()
     assert sum(shares.values()) == pytest.approx(1.0, rel=1e-12)
     largest = max(said.values())
     held = {limit: said.get(limit, 0.0) for limit in limited(curve, limits)}
@@ -239,7 +239,7 @@ def test_a_limit_costs_time_where_it_holds_the_path_back_and_nowhere_else(name: 
 
 def test_a_feed_that_the_path_commands_is_not_the_machines() -> None:
     _, profile = planned("programmed feed")
-    said = profile.stats["saved_by_one_percent"]
+    said = profile.saved_by_one_percent
     assert said.get("feed", 0.0) < 1e-6 * said["programmed feed"]
 
 

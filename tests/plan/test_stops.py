@@ -91,6 +91,6 @@ def test_a_plan_stops_there_and_says_so():
     profile = plan_feedrate(curve, LIMITS)
     (bend,) = tight_bends(curve, LIMITS, ONES)
     assert profile.feed[np.searchsorted(profile.u, bend.u)] == 0.0
-    assert "exact stop at u = 0.5, a bend of 1e-05 mm radius" in profile.stats["notes"]
-    assert profile.stats["slowdown"] < 1.002
+    assert "exact stop at u = 0.5, a bend of 1e-05 mm radius" in profile.notes
+    assert profile.work.slowdown < 1.002
     assert check(curve, LIMITS, profile).ok

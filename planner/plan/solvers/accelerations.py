@@ -17,8 +17,8 @@ nothing any more.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,7 @@ from planner.plan.knots import Grid, Scan, place_knots, scan, with_blends
 from planner.plan.rows import acceleration_rows, path_at, speed_limits
 from planner.plan.section import Section
 from planner.plan.utilisation import Utilisation, utilisation
+from planner.status import Work
 from planner.types import FloatArray
 
 _PARTS = 4  # of an interval, at whose ends the limits are asked for
@@ -196,7 +197,30 @@ class _Stage:
         return replace(self, margin=self.margin * np.where(excess > 1.0, 1.0 + _MARGIN_GAIN * (excess - 1.0), 1.0))
 
 
-def plan_section(section: Section, limits: Limits, intervals: int) -> tuple[TimeNodes, float, float, dict[str, Any]]:
+@dataclass(frozen=True, eq=False)
+class WithoutJerk:
+    """A section planned without a jerk limit.
+
+    Attributes
+    ----------
+    nodes : TimeNodes
+    unmet : float
+        By how much the law still has to be slowed down to keep its limits everywhere, >= 1.
+    place : float
+        The curve parameter at which it has to be slowed down most.
+    work : Work
+    saved : mapping
+        Time that one percent more of each limit saves, s, by the limit's name.
+    """
+
+    nodes: TimeNodes
+    unmet: float
+    place: float
+    work: Work
+    saved: Mapping[str, float]
+
+
+def plan_section(section: Section, limits: Limits, intervals: int) -> WithoutJerk:
     """Plan one section with speed and acceleration limits only.
 
     Parameters
@@ -209,12 +233,7 @@ def plan_section(section: Section, limits: Limits, intervals: int) -> tuple[Time
 
     Returns
     -------
-    nodes : TimeNodes
-    unmet : float
-        By how much the law still has to be slowed down to keep its limits everywhere, >= 1.
-    place : float
-        The curve parameter at which it has to be slowed down most.
-    stats : dict
+    WithoutJerk
 
     Raises
     ------
@@ -243,9 +262,8 @@ def plan_section(section: Section, limits: Limits, intervals: int) -> tuple[Time
         if gain < _WORTH_HALVING:
             break
     stage, x, unmet, place, rounds = best
-    stats = {"status": "optimal", "intervals": stage.y.size - 1, "iterations": rounds, "rounds": rounds}
-    stats |= {"slowdown": unmet, "saved_by_one_percent": _saved(stage, limits, section.curve.axes, x)}
-    return stage.nodes(x), unmet, place, stats
+    work = Work(intervals=stage.y.size - 1, iterations=rounds, rounds=rounds, slowdown=unmet)
+    return WithoutJerk(stage.nodes(x), unmet, place, work, _saved(stage, limits, section.curve.axes, x))
 
 
 _Found = tuple[_Stage, FloatArray, float, float, int]

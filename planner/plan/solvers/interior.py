@@ -51,6 +51,7 @@ import numpy as np
 from planner.errors import SolverError
 from planner.geometry.curve import dot
 from planner.plan.rows import Constraints
+from planner.status import Status
 from planner.types import FloatArray, Progress
 
 GAP_TOLERANCE = 1e-6
@@ -75,8 +76,8 @@ class Solution:
         sigma_dot^2, sigma_ddot and its derivative at the knots.
     time : float
         Simpson sum of the time.
-    status : str
-        "optimal", "budget" or "stalled: ..." (then the iterate is feasible, but not optimal).
+    status : Status
+        OPTIMAL; else the iterate is feasible, but not optimal.
     iterations : int
     gap, residual : float
         sum(s l) / time, and the largest relative violation.
@@ -90,7 +91,7 @@ class Solution:
     a: FloatArray
     c: FloatArray
     time: float
-    status: str
+    status: Status
     iterations: int
     gap: float
     residual: float
@@ -212,25 +213,26 @@ def solve(
     began = time.process_time()
     tolerance = _tolerance(problem) if tolerance is None else tolerance
     it = Iterate(problem, start, centring, inside)
-    status, count = "", 0
+    status: Status | None = None
+    count = 0
     waypoint: Waypoint | None = None
-    while not status:
+    while status is None:
         count += 1
         status = _iterate(it)
         if waypoint is None and it.gap < _WAYPOINT_GAP * it.time and it.residual < _FEASIBLE:
             waypoint = Waypoint(it.z.copy(), it.dual.copy())
-        if not status and it.gap < tolerance * it.time and it.residual < _FEASIBLE:
-            status = "optimal"
-        elif not status and count >= _MAX_ITERATIONS:
-            status = f"stalled: {count} iterations"
-        elif not status and it.residual < _FEASIBLE and time.perf_counter() > deadline:
-            status = "budget"
+        if status is None and it.gap < tolerance * it.time and it.residual < _FEASIBLE:
+            status = Status.OPTIMAL
+        elif status is None and count >= _MAX_ITERATIONS:
+            status = Status.TOO_MANY
+        elif status is None and it.residual < _FEASIBLE and time.perf_counter() > deadline:
+            status = Status.BUDGET
         if progress is not None:
             progress("solving", max(0.0, min(1.0, np.log(max(it.gap / it.time, tolerance)) / np.log(tolerance))))
     if it.residual > _FEASIBLE:
         given = not np.isnan([problem.start, problem.end]).all()
         raise SolverError(
-            f"the interior-point method stopped after {count} iterations ({status}) with a violation of "
+            f"the interior-point method stopped after {count} iterations ({status.value}) with a violation of "
             f"{it.residual:.2g}{'; the entry or exit feed may not be attainable' if given else ''}"
         )
     knots = it.z[:, 0::2]
@@ -258,14 +260,14 @@ def _tolerance(problem: Constraints) -> float:
     return float(np.clip(_SMALLEST_SHARE * rows * share.min() / share.sum(), _FINEST_GAP, GAP_TOLERANCE))
 
 
-def _iterate(it: Iterate) -> str:
-    """One predictor-corrector step; returns why it cannot go on, or ""."""
+def _iterate(it: Iterate) -> Status | None:
+    """One predictor-corrector step; returns why it cannot go on, if it cannot."""
     from planner.plan.solvers import interior_kernels as kernels
 
     pace = 1.0 / np.sqrt(it.z[0])
     state = (it.rows, it.jerk, it.z, pace, it.slack, it.dual, it.product)
     if not _factor(it, pace):
-        return "stalled: the Newton system is singular"
+        return Status.SINGULAR
     _prepare_ends(it)
     _newton(it, it.affine)
     pace_step = -0.5 * pace / it.z[0] * it.affine[0]
@@ -284,11 +286,11 @@ def _iterate(it: Iterate) -> str:
     primal = min(_length(it.out[0], fraction), _length(it.out[5], _LARGEST_FALL))
     dual = _length(it.out[1], fraction)
     if not (np.isfinite(it.out).all() and primal > 1e-10):
-        return "stalled: the step length vanished"
+        return Status.NO_STEP
     new_pace = 1.0 / np.sqrt(it.z[0] + primal * it.step[0])
     kernels.advance(*state, it.step, pace_step, new_pace, target, corrector, primal, dual, it.out)
     it.time, it.gap, it.residual = float(dot(it.weight, new_pace)), float(it.out[0]), float(it.out[1])
-    return ""
+    return None
 
 
 def _factor(it: Iterate, pace: FloatArray) -> bool:

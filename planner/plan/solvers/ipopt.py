@@ -20,6 +20,7 @@ import numpy as np
 from planner.errors import SolverError
 from planner.plan.rows import Constraints
 from planner.plan.solvers.interior import Solution, start_from
+from planner.status import Status
 from planner.types import FloatArray
 
 _TOLERANCE = 1e-8
@@ -48,7 +49,7 @@ def solve(problem: Constraints) -> Solution:
     paces = [px**-0.5 for px, _, _ in program.points]
     z, time, iterations = program.run(problem, paces, program.start)
     cpu = process_time() - began
-    return Solution(z[0], z[1], z[2], time, "optimal", iterations, _TOLERANCE, _TOLERANCE, cpu)
+    return Solution(z[0], z[1], z[2], time, Status.OPTIMAL, iterations, _TOLERANCE, _TOLERANCE, cpu)
 
 
 def relaxed_time(problem: Constraints) -> float:

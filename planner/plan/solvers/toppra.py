@@ -23,7 +23,7 @@ from planner.types import FloatArray
 _FASTEST = 1e4  # in units of the section over its expected duration; stands for no bound
 
 
-def plan_section(section: Section, limits: Limits, intervals: int) -> tuple[TimeNodes, dict[str, Any]]:
+def plan_section(section: Section, limits: Limits, intervals: int) -> TimeNodes:
     """Plan one section with acceleration limits only.
 
     Parameters
@@ -36,8 +36,7 @@ def plan_section(section: Section, limits: Limits, intervals: int) -> tuple[Time
 
     Returns
     -------
-    nodes : TimeNodes
-    stats : dict
+    TimeNodes
 
     Raises
     ------
@@ -68,9 +67,7 @@ def plan_section(section: Section, limits: Limits, intervals: int) -> tuple[Time
     left = path_at(plain, limits, sigma[1:], u[1:], np.ones(h.size, dtype=bool)).u
     rate = np.stack([right[1] * speed[:-1], left[1] * speed[1:]], axis=1)
     acceleration = np.stack([right[2] * x[:-1] + right[1] * a, left[2] * x[1:] + left[1] * a], axis=1)
-    nodes = TimeNodes(np.repeat(t, 2)[1:-1], np.repeat(u, 2)[1:-1], rate.reshape(-1), acceleration.reshape(-1))
-    stats = {"status": "feasible", "intervals": h.size, "iterations": 1}
-    return nodes, stats
+    return TimeNodes(np.repeat(t, 2)[1:-1], np.repeat(u, 2)[1:-1], rate.reshape(-1), acceleration.reshape(-1))
 
 
 def _solve(section: Section, limits: Limits, sigma: FloatArray, u: FloatArray, unit: float) -> FloatArray:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from planner.errors import InputError, SolverError
 from planner.geometry.chain import ChainCurve, Kind
 from planner.geometry.curve import FeedCaps
+from planner.geometry.tolerance import PathTolerance
 from planner.inputs import positive_number
 from planner.machine.limits import Limits
 from planner.programs.path import tube_knots as knotting
@@ -60,7 +61,7 @@ class ProgramPath:
     ----------
     curve : ChainCurve
         The path; its parameter is arc length, mm (nearly, on tubes).  Its ``feed_caps`` are the program's F words, inf
-        on rapids.
+        on rapids, its ``made_within`` the tolerance asked for.
     line : (m,) int array
         Line number of every block that moves.
     u : (m + 1,) array
@@ -140,7 +141,8 @@ def program_path(program: Program, tolerance: float | None, limits: Limits) -> P
         built = _build(blocks, shaped, share, None if number else absorbed.room)
         found, largest = _measure(absorbed, built, written)
         if largest <= 1.0:
-            return _report(program, (given, absorbed, blocks), built, found, largest)
+            path = _report(program, (given, absorbed, blocks), built, found, largest)
+            return replace(path, curve=replace(path.curve, made_within=PathTolerance(tolerance)))
         share *= _NARROWER / largest if number else 1.0
     raise SolverError(
         f"{program.source}: the path leaves the tolerance by {largest - 1.0:.2g} of it at abscissa {found.abscissa:.6g} mm; "

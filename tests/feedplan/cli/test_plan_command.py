@@ -24,6 +24,7 @@ from planner import check, load_curve, load_limits, read_table, write_table
 from planner.errors import InfeasibleError, SolverError, StalledError
 from planner.output.plots import plot_plan
 from planner.profile import make_profile
+from planner.status import Status
 
 QUICK = ("--intervals", "60")
 HEAVY = ("numpy", "scipy", "casadi", "numba", "matplotlib", "pydantic", "toppra", "ruckig", "rich")
@@ -93,8 +94,8 @@ class TestPlan:
         assert {row["limit"] for row in facts["checks"]["samples"]} >= {"feed", "jerk", "path error"}
 
     def test_gap_notes_and_status_are_told(self, run, monkeypatch, plan):
-        stats = {"notes": ["exact stop at u = 0.5"] + [f"curvature jumps, {i}" for i in range(20)], "status": "budget"}
-        changed = dataclasses.replace(plan, lower_bound=plan.duration / 1.25, stats=stats)
+        notes = ("exact stop at u = 0.5", *(f"curvature jumps, {i}" for i in range(20)))
+        changed = dataclasses.replace(plan, lower_bound=plan.duration / 1.25, notes=notes, status=Status.BUDGET)
         planned_by(monkeypatch, lambda *_args, **_options: changed)
         monkeypatch.setattr("planner.certify", lambda _curve, _limits, profile: profile.lower_bound)
         code, out, _ = run("plan", "teardrop", "--json")

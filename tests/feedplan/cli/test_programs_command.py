@@ -2,6 +2,7 @@
 
 import csv
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,18 @@ import pytest
 from cases import PROGRAMS
 from texts import flat, strict_json
 
-from planner import Limits, load_limits, read_program, read_table
+import planner.output.table
+from planner import (
+    Limits,
+    load_curve,
+    load_limits,
+    plan_feedrate,
+    read_points,
+    read_program,
+    read_table,
+    write_table,
+)
+from planner.geometry.tolerance import PathTolerance
 from planner.programs.path.deviation import deviation
 from planner.programs.path.moves import Blocks
 from planner.programs.path.path import program_path
@@ -398,6 +410,56 @@ def test_a_table_of_another_curve_is_the_fault_not_its_tolerance(run, corners, t
         assert "the table is for the curve corners.ngc" in err
         assert "not for teardrop" in err
         assert "--tolerance-mm" not in err
+
+
+@pytest.mark.parametrize("tolerance", [0.02, None])
+def test_a_table_written_from_python_says_its_tolerance(run, corners, tmp_path, tolerance):
+    """Neither the command that checks it nor the one that writes a program of it has to be told again."""
+    table, other, limits = tmp_path / "t.csv", tmp_path / "u.csv", load_limits("mill")
+    path = program_path(read_program(corners), tolerance, limits)
+    limits = limits.for_curve(path.curve)
+    profile = plan_feedrate(path.curve, limits, intervals=300)
+    write_table(table, profile, limits)
+    assert run("check", table, corners)[0] == 0
+    code, _, err = run("check", table, corners, "--tolerance-mm", "0.015")
+    assert code == 2
+    assert "the scale and tolerance" in err
+    # the command line says the same
+    given = ("--tolerance-mm", tolerance) if tolerance else ()
+    assert run("plan", corners, *given, "--intervals", 300, "-o", other)[0] == 0
+    assert read_table(other, path.curve).origin == profile.origin
+    assert read_table(table, path.curve).origin == profile.origin
+    assert profile.origin.tolerance == PathTolerance(tolerance)
+
+
+def test_a_table_of_points_written_from_python_says_its_tolerance(run, tmp_path):
+    t, file, table = np.linspace(0.0, 2.0, 100), tmp_path / "points.csv", tmp_path / "t.csv"
+    file.write_text("".join(f"{30 * np.cos(a):.6f},{20 * np.sin(a):.6f}\n" for a in t))
+    for curve, tolerance in ((read_points(file, 0.05), 0.05), (load_curve(file), 1e-3)):
+        limits = load_limits("mill").for_curve(curve)
+        write_table(table, plan_feedrate(curve, limits, intervals=60), limits)
+        assert read_table(table, curve).origin.tolerance == PathTolerance(tolerance)
+        assert run("check", table, file)[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("key", "text", "message"),
+    [
+        ("path_tolerance_mm", "a hair", "path_tolerance_mm = .a hair.; it must be a number"),
+        ("path_tolerance_mm", "-0.01", "path_tolerance_mm = -0.01; it must be > 0 and finite"),
+        ("path_tolerance_mm", "inf", "path_tolerance_mm = inf; it must be > 0 and finite"),
+        ("path_share", "1.5", "path_share = 1.5; it must lie within"),
+        ("path_share", "nan", "path_share = nan; it must lie within"),
+    ],
+)
+def test_a_table_with_a_false_tolerance_is_refused(run, corners, tmp_path, monkeypatch, key, text, message):
+    lines = planner.output.table._tolerance_lines
+    monkeypatch.setattr(planner.output.table, "_tolerance_lines", lambda made: lines(made) | {key: text})
+    table = tmp_path / "t.csv"
+    run("plan", corners, "--intervals", 300, "-o", table)
+    code, _, err = run("check", table, corners)
+    assert code == 2
+    assert re.search(message, flat(err))
 
 
 @pytest.mark.parametrize("command", ["plan", "time", "windows", "ngc", "check", "compare"])

@@ -15,6 +15,7 @@ from planner.geometry.nurbs import NurbsCurve
 from planner.machine.limits import Limits
 from planner.plan.solvers import accelerations
 from planner.programs.path.path import program_path
+from planner.status import Status
 
 INF = np.inf
 
@@ -171,7 +172,7 @@ def test_no_limit_taken_away_makes_a_plan_slower(seed):
 def test_what_one_percent_saves_is_what_a_plan_with_it_saves(seed):
     curve, limits = random_case(seed)
     profile = planned(curve, limits)
-    saved = profile.stats["saved_by_one_percent"]
+    saved = profile.saved_by_one_percent
     for j, axis in enumerate(curve.axes):
         more = limits.acceleration.copy()
         more[j] *= 1.01
@@ -187,7 +188,7 @@ def test_a_programmed_feed_is_told_from_that_of_the_machine():
     path = program_path(program(*moves), 0.01, limits_of())
     limits = limits_of()
     profile = plan_feedrate(path.curve, limits, intervals=500)
-    saved = profile.stats["saved_by_one_percent"]
+    saved = profile.saved_by_one_percent
     more = plan_feedrate(path.curve, limits.with_feed(101.0), intervals=500)
     assert profile.duration - more.duration == pytest.approx(saved["feed"], rel=0.05)
     faster = program_path(program(*(move | {"feed": 1.01 * move["feed"]} for move in moves)), 0.01, limits_of())
@@ -202,13 +203,13 @@ def test_slowing_down_without_jerk_is_said(monkeypatch):
     monkeypatch.setattr(accelerations, "_MAX_HALVINGS", 0)
     curve = load_curve("butterfly", scale=10.0)
     profile = plan_feedrate(curve, limits_of(), intervals=40)
-    assert profile.stats["slowdown"] > 1.001
-    assert profile.stats["status"].startswith("slowed down by")
-    assert any("slowed down as a whole" in note for note in profile.stats["notes"])
+    assert profile.work.slowdown > 1.001
+    assert profile.status is Status.SLOWED
+    assert any("slowed down as a whole" in note for note in profile.notes)
 
 
 def test_toppra_says_nothing_of_a_slowing_down_that_was_none():
-    notes = plan_feedrate(line(40.0), limits_of(), method="toppra").stats["notes"]
+    notes = plan_feedrate(line(40.0), limits_of(), method="toppra").notes
     assert not [note for note in notes if "slowed down by -" in note or "slowed down by 0 %" in note]
 
 

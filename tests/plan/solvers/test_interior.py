@@ -21,6 +21,7 @@ from planner.plan.knots import place_knots, scan, with_blends
 from planner.plan.rows import build
 from planner.plan.section import cut
 from planner.plan.solvers import interior as optimal
+from planner.status import Status
 from planner.verify import check
 
 FREE = np.inf
@@ -171,7 +172,7 @@ def test_solution_reports_its_simpson_time_and_its_gap(case):
     z = states(problem, solution)
     counts = problem.weight > 0.0
     assert solution.time == pytest.approx(problem.weight[counts] @ z[0, counts] ** -0.5, rel=1e-10)
-    assert solution.status == "optimal"
+    assert solution.status is Status.OPTIMAL
     assert 0.0 <= solution.gap <= 1e-7
     assert solution.iterations < 60
 
@@ -243,7 +244,7 @@ def test_tolerance_bounds_the_loss():
 def test_a_deadline_ends_at_a_feasible_point():
     problem = PROBLEMS["butterfly-nurbs"]()
     early = solved(problem, deadline=perf_counter())
-    assert early.status == "budget"
+    assert early.status is Status.BUDGET
     assert shares(problem, states(problem, early)).max() <= 1.0 + 1e-8
     assert solved(problem).time <= early.time <= 2.0 * solved(problem).time
 
@@ -410,7 +411,7 @@ def require_feasible(curve, limits, profile, tightest=0.99):
 def test_plans_of_random_paths_are_feasible(seed):
     curve, limits = random_case(seed)
     profile = plan_feedrate(curve, limits)
-    assert profile.stats["status"] == "optimal"
+    assert profile.status is Status.OPTIMAL
     require_feasible(curve, limits, profile)
 
 
@@ -559,7 +560,7 @@ def test_corners_join_sections_from_stop_to_stop():
     sides = [float(np.abs(np.subtract(a, b)).sum()) for a, b in pairwise(corners)]
     exact = sum(s_curve_time(side, 100.0, 1000.0, 20000.0) for side in sides)
     assert profile.duration == pytest.approx(exact, rel=1e-4)
-    assert profile.stats["sections"] == 4
+    assert profile.work.sections == 4
     stops = [profile.t[profile.u == u] for u in (1.0, 2.0, 3.0)]
     assert np.cumsum([s_curve_time(side, 100.0, 1000.0, 20000.0) for side in sides])[:3] == pytest.approx(
         [t[0] for t in stops], rel=1e-4

@@ -15,6 +15,7 @@ from planner.plan.rows import build
 from planner.plan.section import cut
 from planner.plan.solvers import interior as optimal
 from planner.plan.solvers import ipopt as nlp
+from planner.status import Status
 from planner.verify import check
 
 MILL = Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2, 1e-3)
@@ -70,7 +71,7 @@ def test_both_solvers_agree_on_every_kind_of_problem(name):
                 assert solution.x[at] == pytest.approx(value, rel=1e-9)
         if problem.periodic:
             assert solution.a[0] == pytest.approx(solution.a[-1], abs=1e-6)
-    assert reference.status == "optimal"
+    assert reference.status is Status.OPTIMAL
 
 
 @pytest.mark.parametrize(("length", "duration"), [(5.0, 4.0 * 1000.0 / 20000.0), (60.0, 0.75)])

@@ -128,7 +128,7 @@ def test_toppra_is_a_method_to_compare_with():
 def test_a_tangential_jerk_alone_is_a_jerk_limit():
     limits = limits_of(jerk=INF, tangential_jerk=5000.0)
     profile = plan_feedrate(line(60.0), limits)
-    assert not any("no jerk limit" in note for note in profile.stats["notes"])
+    assert not any("no jerk limit" in note for note in profile.notes)
     assert check(line(60.0), limits, profile).ok
     assert np.abs(profile.jerk).max() == pytest.approx(5000.0, rel=1e-4)
 

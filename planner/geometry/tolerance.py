@@ -1,0 +1,21 @@
+"""The tolerance that a curve was made within, where it stands for a part program or for points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class PathTolerance:
+    """With the same source and the same tolerance the same curve is made again.
+
+    Attributes
+    ----------
+    mm : float or None
+        Largest distance from the source, mm; None: the P words of the part program.
+    share : float
+        Part of it that the curve took; the rest is left to a program written from the plan.
+    """
+
+    mm: float | None
+    share: float = 1.0
