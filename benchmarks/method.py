@@ -25,6 +25,7 @@ from rich.table import Table
 from benchmarks.cases import reference_cases
 from planner import load_curve, load_limits, plan_feedrate
 from planner.geometry.curve import Curve
+from planner.geometry.differential import chain_rule, jerk_terms
 from planner.law import TimeNodes
 from planner.machine.limits import Limits
 from planner.plan.bounds import certify, section_bound
@@ -140,7 +141,7 @@ def start_in_sigma(intervals: int) -> Spline:
     sigma = np.linspace(0.0, blend.span, _STEPS * intervals + 1)[1:]
     x, a, c = spline(sigma), 0.5 * spline(sigma, 1), 0.5 * spline(sigma, 2)
     y_of, y1, y2, y3 = blend.rest_map(sigma)
-    return Spline(y, sigma, x, y_of, (y3 * x + 3.0 * y2 * a + y1 * c) * np.sqrt(x))
+    return Spline(y, sigma, x, y_of, np.einsum("km,km->m", jerk_terms(y1, y2, y3), np.stack([x, a, c])) * np.sqrt(x))
 
 
 def _through(knots: FloatArray, values: FloatArray) -> Any:
@@ -261,7 +262,7 @@ def jerk_shares(curve: Curve, limits: Limits, nodes: TimeNodes, t: FloatArray) -
     """Jerk of each axis over its limit at times t, (n, dim)."""
     u, u1, u2, u3 = (v[:, None] for v in evaluate_law(nodes.t, nodes.u, nodes.u_rate, nodes.u_acceleration, t))
     q = curve.derivatives(u[:, 0], 3)
-    return np.asarray((q[3] * u1**3 + 3.0 * q[2] * u1 * u2 + q[1] * u3) / limits.jerk)
+    return np.asarray(chain_rule(q[1], q[2], q[3], u1, u2, u3)[2] / limits.jerk)
 
 
 # --- the solver -----------------------------------------------------------------------------------------------------

@@ -45,7 +45,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from planner.errors import FeedrateError, InputError, StalledError
-from planner.geometry.curve import ROTARY_AXES, Curve, arc_derivatives
+from planner.geometry.curve import ROTARY_AXES, Curve
+from planner.geometry.differential import arc_derivatives
 from planner.machine.limits import Limits, feedrate_limits, require_limits
 from planner.profile import FeedrateProfile, Samples
 from planner.types import FloatArray, Progress

@@ -24,10 +24,10 @@ Calling compiled code costs more than the step does, about 100 ns for every arra
 
 from __future__ import annotations
 
-import numpy as np
 from numba import njit
 
 from planner.geometry.curve_kernels import FLAG, I64, NOTHING, READ2, READ3, WRITE1
+from planner.geometry.differential_kernels import rates_of_parameter, speed_derivatives
 
 # Indices into the state.
 SAMPLE = 0  # number k of the last sample
@@ -119,10 +119,7 @@ def _polynomial(row, w, scale, order):
 
 @njit(forceinline=True, error_model="numpy")
 def _speed(pieces, piece, u, order, dim):
-    """|C'| of the tool tip and, as far as the order needs them, its first and second derivative with respect to u.
-
-    |C'|' = C'.C''/|C'|,  |C'|'' = (|C''|^2 + C'.C''' - |C'|'^2) / |C'|.
-    """
+    """|C'| of the tool tip and, as far as the order needs them, its first and second derivative with respect to u."""
     rows = pieces.shape[1]
     rational = rows > dim + 1
     first = dim + 2 if rows > dim + 2 else 1
@@ -143,22 +140,18 @@ def _speed(pieces, piece, u, order, dim):
         square += c1 * c1
         dot += c1 * c2
         more += c2 * c2 + c1 * c3
-    speed = np.sqrt(square)
-    slope = dot / speed
-    return speed, slope, (more - slope * slope) / speed
+    return speed_derivatives(square, dot, more)
 
 
 @njit(forceinline=True, error_model="numpy")
 def _taylor_series(order, period, speed, slope, bend, v, a, j):
     """T u' + T^2/2 u'' + T^3/6 u''' as far as the order goes; see ``taylor_step``."""
-    u1 = v / speed
+    u1, u2, u3 = rates_of_parameter(speed, slope, bend, v, a, j)
     step = period * u1
     if order > 1:
-        u2 = (a - slope * u1 * u1) / speed
         step += 0.5 * period * period * u2
-        if order > 2:
-            u3 = (j - 3.0 * slope * u1 * u2 - bend * u1 * u1 * u1) / speed
-            step += period * period * period / 6.0 * u3
+    if order > 2:
+        step += period * period * period / 6.0 * u3
     return step
 
 

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from planner.errors import InputError
-from planner.geometry.curve import MAX_DERIVATIVE, Curve, curvature, dot
+from planner.geometry.curve import MAX_DERIVATIVE, Curve
+from planner.geometry.differential import chain_rule, curvature, rates_along
 from planner.machine.limits import Limits, chord_feed_limit, commanded_feed
 from planner.origin import Origin
 from planner.status import Claim, Status, Work
@@ -247,20 +248,7 @@ def along_tip(
     curve: Curve, law: tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 ) -> tuple[FloatArray, tuple[FloatArray, FloatArray, FloatArray]]:
     """Arc length of the tool tip and its first three time derivatives, from those of u."""
-    return curve.arclength.s(law[0]), along_path(curve.tip.derivatives(law[0]), law)
-
-
-def along_path(
-    d: FloatArray, law: tuple[FloatArray, FloatArray, FloatArray, FloatArray]
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Time derivatives of the arc length from the derivatives d (4, n, dim) with respect to u, and those of u."""
-    _, u1, u2, u3 = law
-    s1 = np.sqrt(dot(d[1], d[1]))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        s2 = np.where(s1 > 0.0, dot(d[1], d[2]) / s1, 0.0)
-        s3 = dot(d[2], d[2]) + dot(d[1], d[3]) - s2**2
-        s3 = np.where(s1 > 0.0, s3 / s1, 0.0)
-    return s1 * u1, s1 * u2 + s2 * u1**2, s1 * u3 + 3.0 * s2 * u1 * u2 + s3 * u1**3
+    return curve.arclength.s(law[0]), rates_along(curve.tip.derivatives(law[0]), *law[1:])
 
 
 def make_profile(
@@ -289,7 +277,7 @@ def make_profile(
     law = (u, rate, acceleration, jerk)
     q = curve.pieces.evaluate(u, MAX_DERIVATIVE, ~forward)
     tip = q if curve.tip is curve else curve.tip.pieces.evaluate(u, MAX_DERIVATIVE, ~forward)
-    along = np.stack(along_path(tip, law))
+    along = np.stack(rates_along(tip, *law[1:]))
     commanded = commanded_feed(curve, limits, u, ~forward)
     names, binding = _binding(
         curve, limits, law, along, q, tip, commanded, np.ones_like(t) if slowed is None else slowed
@@ -331,14 +319,9 @@ def _binding(
 ) -> tuple[tuple[str, ...], NDArray[np.int8]]:
     """Name, at each node, the limit with the largest share used, if it is nearly used up."""
     u, u1, u2, u3 = law
-    rates = (
-        ("velocity", q[1] * u1[:, None], limits.velocity),
-        ("acceleration", q[2] * u1[:, None] ** 2 + q[1] * u2[:, None], limits.acceleration),
-        (
-            "jerk",
-            q[3] * u1[:, None] ** 3 + 3.0 * q[2] * (u1 * u2)[:, None] + q[1] * u3[:, None],
-            limits.jerk,
-        ),
+    motion = chain_rule(q[1], q[2], q[3], u1[:, None], u2[:, None], u3[:, None])
+    rates = zip(
+        ("velocity", "acceleration", "jerk"), motion, (limits.velocity, limits.acceleration, limits.jerk), strict=True
     )
     with np.errstate(divide="ignore", invalid="ignore"):
         chord = along[0] / chord_feed_limit(curvature(tip), limits)

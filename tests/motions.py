@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.geometry.curve import arc_derivatives
+from planner.geometry.differential import arc_derivatives
 from planner.machine.limits import Limits
 from planner.profile import make_profile
 

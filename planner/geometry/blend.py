@@ -27,7 +27,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from planner.geometry.curve import arc_derivatives
+from planner.geometry.differential import arc_derivatives, chain_rule
 from planner.types import FloatArray
 
 BLEND_REACH = 8.0  # of the size A, along each leg
@@ -169,9 +169,7 @@ class Blends:
             )
             d = turning(legs.vectors[row, 1:], legs.rates[row], x)
             out[0] += d[0] - legs.vectors[row, 1]
-            out[1] += d[1] * x1
-            out[2] += d[2] * x1**2 + d[1] * x2
-            out[3] += d[3] * x1**3 + 3.0 * d[2] * x1 * x2 + d[1] * x3
+            out[1:] += chain_rule(d[1], d[2], d[3], x1, x2, x3)
         return out
 
     def by_arc_length(self, row: NDArray[np.intp], s: FloatArray) -> FloatArray:

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from planner.errors import CurveError, InputError
 from planner.geometry.arclength import ArcLength
 from planner.geometry.tolerance import PathTolerance
+from planner.geometry.differential import arc_derivatives, curvature, dot, norm
 from planner.inputs import coordinates, require_side
 from planner.types import FloatArray, Side
 
@@ -236,7 +237,7 @@ class Curve(ABC):
         tip = self.tip
 
         def speed(u: FloatArray) -> FloatArray:
-            return np.asarray(np.sqrt(np.sum(tip.derivatives(u, 1)[1] ** 2, axis=-1)))
+            return norm(tip.derivatives(u, 1)[1])
 
         return ArcLength.of_speed(speed, self.pieces.breaks, self.name)
 
@@ -300,46 +301,6 @@ class AxesSubset(Curve):
 
     def _candidate_breaks(self) -> FloatArray:
         return self.parent._candidate_breaks()
-
-
-def curvature(d: FloatArray) -> FloatArray:
-    """Curvature from the derivatives d (3 or more, ..., dim) with respect to u; 0 where the curve rests."""
-    speed2 = dot(d[1], d[1])
-    # |C'|^2 |C''|^2 - (C'.C'')^2 cancels; the normal part of C'' does not.
-    with np.errstate(divide="ignore", invalid="ignore"):
-        normal = d[2] - (dot(d[1], d[2]) / speed2)[..., None] * d[1]
-        kappa = np.sqrt(dot(normal, normal)) / speed2
-    return np.where(speed2 > 0.0, kappa, 0.0)
-
-
-def dot(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Scalar products along the last axis, on one thread: BLAS wakes its others for long vectors and gains nothing."""
-    return np.asarray(np.einsum("...j,...j->...", a, b))
-
-
-def arc_derivatives(d: FloatArray) -> FloatArray:
-    """Derivatives with respect to arc length from those with respect to u.
-
-    With v = |C'|, v' = C'.C''/v and v'' = (|C''|^2 + C'.C''' - v'^2)/v,
-
-        C_s = C'/v,   C_ss = (C'' - v' C_s)/v^2,   C_sss = (C''' - 3 v v' C_ss - v'' C_s)/v^3.
-
-    Parameters
-    ----------
-    d : (4, n, dim) array
-        Derivatives 0..3 with respect to u, with |C'| > 0.
-
-    Returns
-    -------
-    (4, n, dim) array
-    """
-    v = np.sqrt(dot(d[1], d[1]))[:, None]
-    v1 = dot(d[1], d[2])[:, None] / v
-    v2 = (dot(d[2], d[2])[:, None] + dot(d[1], d[3])[:, None] - v1**2) / v
-    tangent = d[1] / v
-    second = (d[2] - v1 * tangent) / v**2
-    third = (d[3] - 3.0 * v * v1 * second - v2 * tangent) / v**3
-    return np.stack([d[0], tangent, second, third])
 
 
 def axis_names(

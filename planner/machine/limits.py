@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from planner.errors import InputError
 from planner.geometry.curve import ROTARY_AXES, Curve, axis_names
+from planner.geometry.differential import curvature_vector, norm
 from planner.inputs import numbers, positive_number, require_instance
 from planner.quantity import AXIS, CHORD_ERROR, FEED, PATH, QUANTITIES, Quantity
 from planner.types import FloatArray, Side
@@ -282,14 +283,11 @@ def feedrate_limits(
         raise InputError(f"safety = {factor!r} must lie in (0, 1]")
     axes = curve.derivatives(u, 2, side=side)
     tip = curve.tip.derivatives(u, 2, side=side)
-    speed2 = np.sum(tip[1] ** 2, axis=-1)[..., None]
-    bend = np.sum(tip[1] * tip[2], axis=-1)[..., None]
+    speed = norm(tip[1])
     with np.errstate(divide="ignore", invalid="ignore"):
-        axis_velocity = (limits.velocity / np.abs(axes[1] / np.sqrt(speed2))).min(axis=-1)
-        # d2q/ds2, s the arc length of the tip: q''/v^2 - q' (p'.p'')/v^4
-        second = (axes[2] - axes[1] * (bend / speed2)) / speed2
-        normal = np.sqrt((factor * limits.acceleration / np.abs(second)).min(axis=-1))
-    moving = speed2[..., 0] > 0.0
+        axis_velocity = (limits.velocity / np.abs(axes[1] / speed[..., None])).min(axis=-1)
+        normal = np.sqrt((factor * limits.acceleration / np.abs(curvature_vector(axes, tip))).min(axis=-1))
+    moving = speed > 0.0
     return FeedrateLimits(
         command=commanded_feed(curve, limits, np.asarray(u, dtype=np.float64), side == "left"),
         axis_velocity=np.where(moving, axis_velocity, np.inf),

@@ -21,6 +21,7 @@ from matplotlib.figure import Figure
 from planner.errors import InputError
 from planner.files.whole_file import whole_file
 from planner.geometry.curve import Curve
+from planner.geometry.differential import chain_rule
 from planner.machine.limits import Limits, feedrate_limits, largest_command, require_limits
 from planner.profile import FeedrateProfile, ProfileStates, Samples
 from planner.types import FloatArray
@@ -195,7 +196,8 @@ def _scan(curve: Curve, profile: FeedrateProfile) -> _Motion:
     states = profile.at((start[:, None] + width[:, None] * share).reshape(-1))
     u1, u2, u3 = (values[:, None] for values in (states.u_rate, states.u_acceleration, states.u_jerk))
     q = curve.derivatives(states.u, 3)
-    return _Motion(states, q[2] * u1**2 + q[1] * u2, q[3] * u1**3 + 3.0 * q[2] * u1 * u2 + q[1] * u3)
+    _, acceleration, jerk = chain_rule(q[1], q[2], q[3], u1, u2, u3)
+    return _Motion(states, acceleration, jerk)
 
 
 def _envelope(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.geometry.curve import Curve
+from planner.geometry.differential import chain_rule
 from planner.machine.limits import Limits, feedrate_limits, require_limits
 from planner.profile import FeedrateProfile, Samples
 from planner.types import FloatArray
@@ -162,11 +163,8 @@ def _quantities(curve: Curve, limits: Limits, profile: FeedrateProfile, t: Float
         "acceleration": states.acceleration,
         "jerk": states.jerk,
     }
-    motion = {
-        "acceleration": q[2] * u1**2 + q[1] * u2,
-        "jerk": q[3] * u1**3 + 3.0 * q[2] * u1 * u2 + q[1] * u3,
-    }
-    for what, values in motion.items():
+    _, acceleration, jerk = chain_rule(q[1], q[2], q[3], u1, u2, u3)
+    for what, values in (("acceleration", acceleration), ("jerk", jerk)):
         allowed = getattr(limits, what)
         for j, axis in enumerate(curve.axes):
             if np.isfinite(allowed[j]):

@@ -14,7 +14,8 @@ from typing import Literal, get_args
 import numpy as np
 
 from planner.errors import CurveError, InfeasibleError, InputError, SolverError
-from planner.geometry.curve import Curve, arc_derivatives
+from planner.geometry.curve import Curve
+from planner.geometry.differential import arc_derivatives
 from planner.law import TimeNodes, joined
 from planner.machine.limits import Limits, feedrate_limits, require_limits
 from planner.origin import Origin

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import CurveError, SolverError
-from planner.geometry.curve import Curve, dot
+from planner.geometry.curve import Curve
+from planner.geometry.differential import dot
 from planner.law import TimeNodes
 from planner.profile import quintic_coefficients
 from planner.types import FloatArray

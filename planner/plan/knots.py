@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import CurveError, InfeasibleError
-from planner.geometry.curve import arc_derivatives, curvature, dot
+from planner.geometry.differential import arc_derivatives, curvature, dot
 from planner.machine.limits import Limits, chord_feed_limit, commanded_feed
 from planner.plan.section import BLEND_LENGTH, Section, axis_weights, evaluate
 from planner.plan.slow import resolved

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.geometry.curve import dot
+from planner.geometry.differential import acceleration_terms, chain_rule, jerk_terms, speed_derivatives
 from planner.machine.limits import Limits, chord_feed_limit, commanded_feed
 from planner.plan.knots import STEP_SHARE, Grid, Scan
 from planner.plan.section import Section, axis_weights, evaluate
@@ -131,21 +131,14 @@ def path_at(section: Section, limits: Limits, sigma: FloatArray, u: FloatArray, 
     q = evaluate(curve, u, left)
     u1, u2, u3 = section.parameter_derivatives(q, axis_weights(limits), rest)
     tip = q if curve.tip is curve else evaluate(curve.tip, u, left)
-    speed = np.sqrt(dot(tip[1], tip[1]))
+    speeds = speed_derivatives(tip)
+    speed = speeds[0]
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        s2 = np.where(speed > 0.0, dot(tip[1], tip[2]) / speed, 0.0)
-        s3 = dot(tip[2], tip[2]) + dot(tip[1], tip[3]) - s2**2
-        s3 = np.where(speed > 0.0, s3 / speed, 0.0)
-        bend = np.sqrt(np.sum((tip[2] - (s2 / speed)[:, None] * tip[1]) ** 2, axis=-1)) / speed**2
+        bend = np.sqrt(np.sum((tip[2] - (speeds[1] / speed)[:, None] * tip[1]) ** 2, axis=-1)) / speed**2
     curvature = np.where(speed > 0.0, np.nan_to_num(bend), 0.0)
-
-    def chain(d1: FloatArray, d2: FloatArray, d3: FloatArray, tail: tuple[int, ...]) -> list[FloatArray]:
-        v1, v2, v3 = (part.reshape(tail) for part in (u1, u2, u3))
-        return [d1 * v1, d2 * v1**2 + d1 * v2, d3 * v1**3 + 3.0 * d2 * v1 * v2 + d1 * v3]
-
     feed = commanded_feed(curve, limits, u, left)
-    axes = np.stack([q[0], *chain(q[1], q[2], q[3], (-1, 1))])
-    along = np.stack([np.zeros_like(speed), *chain(speed, s2, s3, (-1,))])
+    axes = np.stack([q[0], *chain_rule(q[1], q[2], q[3], u1[:, None], u2[:, None], u3[:, None])])
+    along = np.stack([np.zeros_like(speed), *chain_rule(*speeds, u1, u2, u3)])
     return Path(np.stack([u, u1, u2, u3]), section.rounding(sigma, u), axes, along, curvature, feed)
 
 
@@ -232,13 +225,13 @@ def _motions(limits: Limits, path: Path) -> list[tuple[FloatArray, float, float]
 
 def acceleration_rows(limits: Limits, path: Path) -> FloatArray:
     """Rows (m, 2, p) of the axes (and of the tip's arc length) that have a finite acceleration limit, scaled to 1."""
-    rows = [np.stack([q[2], q[1]]) / bound for q, bound, _ in _motions(limits, path) if np.isfinite(bound)]
+    rows = [acceleration_terms(q[1], q[2]) / bound for q, bound, _ in _motions(limits, path) if np.isfinite(bound)]
     return np.array(rows).reshape(len(rows), 2, path.curvature.size)
 
 
 def jerk_rows(limits: Limits, path: Path) -> FloatArray:
     """Rows (l, 3, p) of the axes (and of the tip's arc length) that have a finite jerk limit, scaled to 1."""
-    rows = [np.stack([q[3], 3.0 * q[2], q[1]]) / bound for q, _, bound in _motions(limits, path) if np.isfinite(bound)]
+    rows = [jerk_terms(q[1], q[2], q[3]) / bound for q, _, bound in _motions(limits, path) if np.isfinite(bound)]
     return np.array(rows).reshape(len(rows), 3, path.curvature.size)
 
 
@@ -250,11 +243,7 @@ def _ramp_rows(section: Section, limits: Limits, sigma: FloatArray, path: Path) 
     """
     blends = (sigma < section.blend_start) | (section.span - sigma < section.blend_end)
     rows = [
-        np.stack([path.axes[3, :, j], 3.0 * path.axes[2, :, j], path.axes[1, :, j]])
-        * blends
-        * _RAMP
-        * limits.period
-        / bound
+        jerk_terms(path.axes[1, :, j], path.axes[2, :, j], path.axes[3, :, j]) * blends * _RAMP * limits.period / bound
         for j, bound in enumerate(limits.acceleration)
         if np.isfinite(bound) and not np.isfinite(limits.jerk[j])
     ]

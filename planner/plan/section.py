@@ -28,7 +28,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.geometry.arclength import ArcLength
-from planner.geometry.curve import Break, Curve, dot
+from planner.geometry.curve import Break, Curve
+from planner.geometry.differential import chain_rule, inverse_derivatives, speed_derivatives
 from planner.machine.limits import Limits
 from planner.plan.stops import tight_bends
 from planner.types import FloatArray
@@ -203,13 +204,9 @@ class Section:
         _, y1, y2, y3 = rest
         if self.arc is None:
             return y1, y2, y3
-        weighted = q[1:] * weights
-        v = np.sqrt(dot(weighted[0], weighted[0]))
-        v1 = dot(weighted[0], weighted[1]) / v
-        v2 = (dot(weighted[1], weighted[1]) + dot(weighted[0], weighted[2]) - v1**2) / v
+        weighted = q * weights
         # u as a function of y, then y as one of sigma
-        u1, u2, u3 = 1.0 / v, -v1 / v**3, (3.0 * v1**2 - v * v2) / v**5
-        return u1 * y1, u2 * y1**2 + u1 * y2, u3 * y1**3 + 3.0 * u2 * y1 * y2 + u1 * y3
+        return chain_rule(*inverse_derivatives(speed_derivatives(weighted)), y1, y2, y3)
 
 
 def _invert_blend(fraction: FloatArray) -> FloatArray:

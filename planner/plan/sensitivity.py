@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.geometry.curve import dot
+from planner.geometry.differential import dot
 from planner.machine.limits import COMMANDS, Limits
 from planner.plan.rows import Constraints, Path, speed_limits
 from planner.plan.solvers.interior import Iterate

@@ -12,7 +12,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.geometry.curve import Curve, dot, golden_minimum
+from planner.geometry.curve import Curve, golden_minimum
+from planner.geometry.differential import dot
 from planner.types import FloatArray
 
 _CHANGE = 0.5  # of log |C'| from sample to sample

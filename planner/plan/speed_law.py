@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.geometry.differential import jerk_terms
 from planner.law import TimeNodes
 from planner.plan.rows import Parameter
 from planner.types import FloatArray
@@ -75,7 +76,8 @@ class SpeedLaw:
         # Where rounding moved u, the node is the moment at which the law has the rounded u.
         off = np.flatnonzero((path.rounding != 0.0) & (rate > 0.0))
         later, moved = np.zeros(x.size), path.rounding
-        third = (u3[off] * x[off] + 3.0 * u2[off] * a[off] + u1[off] * c[off]) * np.sqrt(x[off])
+        terms = jerk_terms(u1[off], u2[off], u3[off])
+        third = (terms[0] * x[off] + terms[1] * a[off] + terms[2] * c[off]) * np.sqrt(x[off])
         later[off] = _until(moved[off], rate[off], acceleration[off])
         rate[off] += later[off] * (acceleration[off] + 0.5 * later[off] * third)
         acceleration[off] += later[off] * third

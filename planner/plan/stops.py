@@ -17,7 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.geometry.curve import Curve, curvature, dot, golden_minimum
+from planner.geometry.curve import Curve, golden_minimum
+from planner.geometry.differential import curvature, dot
 from planner.machine.limits import Limits
 from planner.types import FloatArray
 

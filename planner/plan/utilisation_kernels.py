@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit, types
 
 from planner.geometry.curve_kernels import FLAG, FLAGS2, NOTHING, READ1, READ2, READ3, WRITE1, WRITE2, point_on_pieces
+from planner.geometry.differential_kernels import chain_rule, rates_along, speed_derivatives
 
 _MOST_PARTS = 80  # that an interval is cut into
 _PARABOLA = 0.07  # its error through four points, against their third difference: max |x (x^2 - 1)| / 6
@@ -18,13 +19,11 @@ PIECES = types.Tuple((READ1, READ3, FLAG, FLAGS2, READ2))
 def _shares_at(q, tip, u1, u2, u3, feed, per_limit, scalars, out):
     """Shares of all limits used at a point: velocities and feed, accelerations, jerks."""
     dim = q.shape[1]
-    u11 = u1 * u1
-    u111, u12 = u11 * u1, 3.0 * u1 * u2
     for j in range(dim):
-        d1, d2, d3 = q[1, j], q[2, j], q[3, j]
-        out[j] = abs(d1 * u1) * per_limit[0, j]
-        out[dim + 2 + j] = abs(d2 * u11 + d1 * u2) * per_limit[1, j]
-        out[2 * dim + 3 + j] = abs(d3 * u111 + d2 * u12 + d1 * u3) * per_limit[2, j]
+        velocity, acceleration, jerk = chain_rule(q[1, j], q[2, j], q[3, j], u1, u2, u3)
+        out[j] = abs(velocity) * per_limit[0, j]
+        out[dim + 2 + j] = abs(acceleration) * per_limit[1, j]
+        out[2 * dim + 3 + j] = abs(jerk) * per_limit[2, j]
     chord, period, along2, along3 = scalars[0], scalars[1], scalars[2], scalars[3]
     dot11 = dot12 = dot13 = dot22 = 0.0
     for j in range(tip.shape[1]):
@@ -33,12 +32,11 @@ def _shares_at(q, tip, u1, u2, u3, feed, per_limit, scalars, out):
         dot12 += d1 * d2
         dot13 += d1 * d3
         dot22 += d2 * d2
-    s1 = np.sqrt(dot11)
+    s1, s2, s3 = speed_derivatives(dot11, dot12, dot22 + dot13)
     out[dim] = s1 * abs(u1) / feed
     out[dim + 1] = out[2 * dim + 2] = out[3 * dim + 3] = 0.0
     if not s1 > 0.0:
         return
-    s2 = dot12 / s1
     if np.isfinite(chord):
         normal = 0.0
         for j in range(tip.shape[1]):
@@ -47,9 +45,9 @@ def _shares_at(q, tip, u1, u2, u3, feed, per_limit, scalars, out):
             radius = dot11 / np.sqrt(normal)
             error = min(chord, radius)
             out[dim + 1] = s1 * abs(u1) * period / (2.0 * np.sqrt(error * (2.0 * radius - error)))
-    out[2 * dim + 2] = abs(s1 * u2 + s2 * u11) / along2
-    s3 = (dot22 + dot13 - s2 * s2) / s1
-    out[3 * dim + 3] = abs(s1 * u3 + s2 * u12 + s3 * u111) / along3
+    _, acceleration, jerk = rates_along(s1, s2, s3, u1, u2, u3)
+    out[2 * dim + 2] = abs(acceleration) / along2
+    out[3 * dim + 3] = abs(jerk) / along3
 
 
 @njit(forceinline=True, error_model="numpy")

@@ -7,9 +7,10 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from planner.geometry.curve import Curve
+from planner.geometry.differential import dot, norm
 from planner.profile import Samples
 from planner.types import FloatArray
-from planner.verify.motion import Motion, TimeLaw, dot, norm
+from planner.verify.motion import Motion, TimeLaw
 from planner.verify.peaks import CANDIDATES, Highest, IntArray, chunks, zoom
 from planner.verify.report import Place
 from planner.verify.sizes import LENGTH_ACCURACY

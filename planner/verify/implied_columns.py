@@ -16,10 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.geometry.curve import Curve
+from planner.geometry.differential import chain_rule, norm
 from planner.machine.limits import Limits
 from planner.profile import FeedrateProfile
 from planner.types import FloatArray
-from planner.verify.motion import TimeLaw, norm
+from planner.verify.motion import TimeLaw
 from planner.verify.peaks import IntArray
 from planner.verify.quantities import AXIS_RATES, FIRST_AXIS, names
 
@@ -93,7 +94,7 @@ class Nodes:
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             u1, u2, u3 = np.abs(rates[:, :, 0])
             turn = np.where(p1 > 0.0, p2**2 / p1, 0.0)
-            terms = np.stack([p1 * u1, p2 * u1**2 + p1 * u2, (p3 + turn) * u1**3 + 3.0 * p2 * u1 * u2 + p1 * u3])
+            terms = np.stack(chain_rule(p1, p2, p3 + turn, u1, u2, u3))
         values[1:3, p1 == 0.0] = 0.0  # along the path nothing changes where the tip rests in the parameter
         return cls(curve, profile, left, tip, values[:, :, 0], slack[:, :, 0], terms)
 

@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from planner.geometry.curve import Curve
+from planner.geometry.differential import norm
 from planner.types import FloatArray
 from planner.verify.peaks import IntArray
 from planner.verify.quantities import names
@@ -191,13 +192,3 @@ class Motion:
         if from_left.size:
             d[:, from_left] = curve.derivatives(u.reshape(-1)[from_left], order, side="left")
         return np.ascontiguousarray(d)
-
-
-def dot(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Product over the last axis, which is short: einsum is several times faster there than multiply and sum."""
-    return np.asarray(np.einsum("...i,...i->...", a, b))
-
-
-def norm(a: FloatArray) -> FloatArray:
-    """Length over the last axis."""
-    return np.sqrt(dot(a, a))

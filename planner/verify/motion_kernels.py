@@ -14,6 +14,7 @@ import numpy as np
 from numba import njit, types
 
 from planner.geometry.curve_kernels import FLAG, I64, NOTHING, READ1, READ2, READ3, WRITE1, WRITE2, WRITE3, find_piece
+from planner.geometry.differential_kernels import chain_rule
 from planner.verify.quantities import FIRST_AXIS, REVERSAL
 
 INDEX1, INDEX2 = (types.Array(types.intp, n, "C") for n in (1, 2))
@@ -56,20 +57,14 @@ def time_law(coefficients, h, ends, interval, x, out):
 
 
 @njit(forceinline=True)
-def _chain(c1, c2, c3, u1, u2, u3):
-    """First three time derivatives of C(u(t)) from those of C with respect to u and of u with respect to time."""
-    return c1 * u1, c2 * u1**2 + c1 * u2, c3 * u1**3 + 3.0 * c2 * u1 * u2 + c1 * u3
-
-
-@njit(forceinline=True)
 def _rounded(c1, c2, c3, u1, u2, u3, slack):
     """What errors of up to ``slack`` in the time derivatives of u can change in those of C.
 
     To first order and beyond: the chain rule takes no larger value than from the sizes of all its terms.
     """
     c1, c2, c3, u1, u2, u3 = abs(c1), abs(c2), abs(c3), abs(u1), abs(u2), abs(u3)
-    high1, high2, high3 = _chain(c1, c2, c3, u1 + slack[0], u2 + slack[1], u3 + slack[2])
-    low1, low2, low3 = _chain(c1, c2, c3, u1, u2, u3)
+    high1, high2, high3 = chain_rule(c1, c2, c3, u1 + slack[0], u2 + slack[1], u3 + slack[2])
+    low1, low2, low3 = chain_rule(c1, c2, c3, u1, u2, u3)
     return high1 - low1, high2 - low2, high3 - low3
 
 
@@ -103,7 +98,7 @@ def _measure_tip(p, cartesian, at, u1, u2, u3, slack, value, granted):
             acceleration, jerk = value[a], value[b]
             off1, off2, off3 = granted[v], granted[a], granted[b]
         else:
-            _, acceleration, jerk = _chain(p[1, at, j], p[2, at, j], p[3, at, j], u1, u2, u3)
+            _, acceleration, jerk = chain_rule(p[1, at, j], p[2, at, j], p[3, at, j], u1, u2, u3)
             off1, off2, off3 = _rounded(p[1, at, j], p[2, at, j], p[3, at, j], u1, u2, u3, slack)
         second += acceleration * tangent
         third += jerk * tangent
@@ -123,7 +118,7 @@ def _measure_point(d, p, cartesian, at, u1, u2, u3, slack, value, granted):
     value[REVERSAL], granted[REVERSAL] = -u1, slack[0]
     for j in range(dim):
         v, a, b = FIRST_AXIS + j, FIRST_AXIS + dim + j, FIRST_AXIS + 2 * dim + j
-        value[v], value[a], value[b] = _chain(d[1, at, j], d[2, at, j], d[3, at, j], u1, u2, u3)
+        value[v], value[a], value[b] = chain_rule(d[1, at, j], d[2, at, j], d[3, at, j], u1, u2, u3)
         granted[v], granted[a], granted[b] = _rounded(d[1, at, j], d[2, at, j], d[3, at, j], u1, u2, u3, slack)
     _measure_tip(p, cartesian, at, u1, u2, u3, slack, value, granted)
 

@@ -8,11 +8,11 @@ import numpy as np
 
 from planner.errors import InputError
 from planner.geometry.curve import Curve, FeedCaps
+from planner.geometry.differential import dot, norm
 from planner.machine.limits import Limits
 from planner.profile import Samples
 from planner.types import FloatArray
 from planner.verify.chords import sample_chord
-from planner.verify.motion import dot, norm
 from planner.verify.quantities import AXIS_RATES
 from planner.verify.report import Place, Report, Rows
 from planner.verify.scan import machine_caps

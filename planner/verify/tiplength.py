@@ -12,8 +12,8 @@ from __future__ import annotations
 import numpy as np
 
 from planner.geometry.curve import Curve
+from planner.geometry.differential import dot, norm
 from planner.types import FloatArray
-from planner.verify.motion import dot, norm
 from planner.verify.peaks import chunks, zoom
 from planner.verify.sizes import EPS, LENGTH_ACCURACY
 

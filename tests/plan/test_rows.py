@@ -6,7 +6,7 @@ import pytest
 from strategies import derivatives_of, oracle
 
 from planner.geometry.catalog import load_curve
-from planner.geometry.curve import arc_derivatives
+from planner.geometry.differential import arc_derivatives
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
 from planner.machine.limits import Limits, chord_feed_limit

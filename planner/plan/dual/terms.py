@@ -20,7 +20,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.geometry.curve import Curve, curvature, dot
+from planner.geometry.curve import Curve
+from planner.geometry.differential import curvature, dot
 from planner.machine.limits import Limits, chord_feed_limit, commanded_feed
 from planner.plan.knots import Grid
 from planner.plan.rows import path_at

@@ -20,9 +20,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputError
-from planner.geometry.curve import Curve, curvature
+from planner.geometry.curve import Curve
+from planner.geometry.differential import (
+    along_length,
+    chain_rule,
+    curvature,
+    rates_along,
+    rates_of_parameter,
+    speed_derivatives,
+)
 from planner.machine.limits import Limits, chord_feed_limit, commanded_feed, largest_command
-from planner.profile import along_path, quintic_coefficients
+from planner.profile import quintic_coefficients
 from planner.types import FloatArray, Side
 
 Nodes = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
@@ -123,19 +131,15 @@ def arc_derivatives_of_axes(curve: Curve, u: FloatArray, side: Side) -> tuple[Fl
     """
     q = curve.derivatives(u, 3, side=side)
     p = q if curve.tip is curve else curve.tip.derivatives(u, 3, side=side)
-    speed = np.sqrt(np.sum(p[1] ** 2, axis=-1))
+    speeds = speed_derivatives(p)
+    speed = speeds[0]
     resting = np.flatnonzero(speed <= _REST * speed.max(initial=0.0))
     if resting.size:
         raise InputError(
             f'{curve.name}: the tool tip rests at u = {u[resting[0]]:.9g} while other axes move; method = "scurve" '
             'plans along the arc length of the tip and cannot cross such a stretch; use method = "optimal"'
         )
-    speed1 = np.sum(p[1] * p[2], axis=-1) / speed
-    speed2 = (np.sum(p[2] ** 2, axis=-1) + np.sum(p[1] * p[3], axis=-1) - speed1**2) / speed
-    v, v1, v2 = speed[:, None], speed1[:, None], speed2[:, None]
-    t = q[1] / v
-    k = (q[2] - v1 * t) / v**2
-    return t, k, (q[3] - 3.0 * v * v1 * k - v2 * t) / v**3, speed, speed1, speed2
+    return *along_length(q, speeds), *speeds
 
 
 def describe(curve: Curve, limits: Limits, u_start: float, u_end: float, fastest_end: float) -> ArcPath:
@@ -341,12 +345,10 @@ def _rates_of_u(
     curve: Curve, limits: Limits, u: FloatArray, state: FloatArray, jerk: FloatArray, side: Side
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """First three time derivatives (3, n) of u; what a unit of them is of the jerk limits (n,), and of feed (n,)."""
-    t, _, _, speed, speed1, speed2 = arc_derivatives_of_axes(curve, u, side)
-    _, v, a = state
-    u1 = v / speed
-    u2 = (a - speed1 * u1**2) / speed
-    u3 = (jerk - 3.0 * speed1 * u1 * u2 - speed2 * u1**3) / speed
-    return np.stack([u1, u2, u3]), (np.abs(t) / limits.jerk).max(axis=1) * speed, speed
+    t, _, _, *speeds = arc_derivatives_of_axes(curve, u, side)
+    speed, slope, bend = speeds
+    rates = np.stack(rates_of_parameter((speed, slope, bend), state[1], state[2], jerk))
+    return rates, (np.abs(t) / limits.jerk).max(axis=1) * speed, speed
 
 
 def _rounding(t: FloatArray, u: FloatArray, rate: FloatArray, gap: FloatArray) -> FloatArray:
@@ -410,14 +412,12 @@ def _shares(
     q = curve.derivatives(law[0], 3, side=side)
     v, a, j = (part[:, None] for part in law[1:])
     tip = q if curve.tip is curve else curve.tip.derivatives(law[0], 3, side=side)
-    feed, along, along_jerk = along_path(tip, (law[0], law[1], law[2], law[3]))
+    feed, along, along_jerk = rates_along(tip, law[1], law[2], law[3])
     commanded = commanded_feed(curve, limits, law[0], side == "left")
     cap = np.minimum(commanded, chord_feed_limit(curvature(tip), limits))
-    of_axes = [
-        np.abs(q[1] * v) / limits.velocity,
-        np.abs(q[2] * v**2 + q[1] * a) / limits.acceleration,
-        np.abs(q[3] * v**3 + 3.0 * q[2] * v * a + q[1] * j) / (limits.jerk * jerk_share),
-    ]
+    allowed = limits.velocity, limits.acceleration, limits.jerk * jerk_share
+    motion = chain_rule(q[1], q[2], q[3], v, a, j)
+    of_axes = [np.abs(values) / bound for values, bound in zip(motion, allowed, strict=True)]
     of_tip = [feed / cap, np.abs(along) / limits.tangential_acceleration, np.abs(along_jerk) / limits.tangential_jerk]
     return np.asarray(np.concatenate([*of_axes, np.stack(of_tip, axis=1)], axis=1).max(axis=1))
 

@@ -49,7 +49,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.errors import SolverError
-from planner.geometry.curve import dot
+from planner.geometry.differential import dot
 from planner.plan.rows import Constraints
 from planner.status import Status
 from planner.types import FloatArray, Progress

@@ -38,6 +38,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.geometry.blend import BLEND_REACH, Blends
+from planner.geometry.differential import curvature_vector, norm
 from planner.programs.path.deviation import Programmed
 from planner.types import FloatArray
 
@@ -153,9 +154,7 @@ def chords(programmed: Programmed) -> FloatArray:
 def tangents(programmed: Programmed, s: FloatArray, *, left: bool) -> tuple[FloatArray, FloatArray]:
     """Unit tangents and curvature vectors (n, dim)."""
     d = programmed.at(s, left=left)
-    speed2 = np.sum(d[1] ** 2, axis=1)[:, None]
-    along = np.sum(d[1] * d[2], axis=1)[:, None]
-    return d[1] / np.sqrt(speed2), (d[2] - d[1] * along / speed2) / speed2
+    return d[1] / norm(d[1])[:, None], curvature_vector(d)
 
 
 def blends_at(programmed: Programmed, junctions: Junctions, at: NDArray[np.intp]) -> Blends:

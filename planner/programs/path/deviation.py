@@ -17,7 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.geometry.blend import Legs
-from planner.geometry.curve import Curve, dot
+from planner.geometry.curve import Curve
+from planner.geometry.differential import dot
 from planner.types import FloatArray
 
 _FOOT_PASSES = 8

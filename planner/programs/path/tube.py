@@ -33,7 +33,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.geometry.curve import dot
+from planner.geometry.differential import dot
 from planner.types import FloatArray
 
 DEGREE = 4

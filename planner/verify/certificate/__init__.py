@@ -34,6 +34,7 @@ import numpy as np
 from planner.certificate import Certificate, CertificateSection
 from planner.errors import InputError
 from planner.geometry.curve import Curve
+from planner.geometry.differential import dot
 from planner.machine.limits import Limits, require_limits
 from planner.profile import FeedrateProfile
 from planner.types import FloatArray
@@ -43,7 +44,6 @@ from planner.verify.certificate.pathspeeds import Flags, path_points
 from planner.verify.certificate.places import Places
 from planner.verify.certificate.quadrature import SectionPath, Stretches, lay_out
 from planner.verify.certificate.shapes import require_valid
-from planner.verify.motion import dot
 from planner.verify.sizes import EPS, ON_KNOT
 
 _CLAIM_ROUNDING = 1e-9  # of the bound: what another order of summation may change

@@ -21,11 +21,11 @@ from itertools import combinations
 
 import numpy as np
 
+from planner.geometry.differential import dot
 from planner.types import FloatArray
 from planner.verify.certificate.multipliers import IntArray
 from planner.verify.certificate.pathspeeds import Bounds, Flags, PathPoints, path_points, stop_caps
 from planner.verify.certificate.quadrature import SectionPath, Stretches
-from planner.verify.motion import dot
 
 _STEP_SEEN = 0.75  # a unit step, sampled, in jerk times period
 _WINDOW = 1.5  # periods before and after a jump in which its step takes from the jerk

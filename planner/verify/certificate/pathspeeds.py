@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.geometry.curve import Curve, curvature
+from planner.geometry.curve import Curve
+from planner.geometry.differential import curvature, dot
 from planner.machine.limits import Limits
 from planner.types import FloatArray
 from planner.verify.certificate.multipliers import IntArray, Multipliers
-from planner.verify.motion import dot
 
 Flags = NDArray[np.bool_]
 
