@@ -19,8 +19,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from planner.errors import CurveError, InputError
 from planner.geometry.arclength import ArcLength
-from planner.geometry.tolerance import PathTolerance
 from planner.geometry.differential import arc_derivatives, curvature, dot, norm
+from planner.geometry.tolerance import PathTolerance
 from planner.inputs import coordinates, require_side
 from planner.types import FloatArray, Side
 

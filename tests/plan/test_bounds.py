@@ -8,7 +8,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from bound_cases import KINDS, bound_case, program_of
+from cases import DRIVES, MILL, drives, line, mill
 from extreme import extreme_case
+from problems import laid_out
 
 from planner import (
     FeedrateError,
@@ -30,13 +32,11 @@ from planner.plan.bounds import Bound, section_bound, statement
 from planner.plan.dual.problem import Pace, best_splines
 from planner.plan.dual.terms import Multiplied, Track
 from planner.plan.dual.value import Splines, _sides, normalised, value, weight_and_pull
-from planner.plan.knots import place_knots, scan, with_blends
+from planner.plan.knots import scan
 from planner.plan.section import cut
 from planner.programs.path.path import program_path
 from planner.verify.certificate import verify_bound, verify_plan_bound
 
-LIMITS = Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2, chord_error=1e-3)
-LINE = NurbsCurve([[0.0, 0.0], [100.0, 0.0]], [0, 0, 1, 1], 1)
 # a line, an arc and a line, tangent to one another
 JUMPS = NurbsCurve(
     [[0, 0], [20, 0], [40, 0], [50, 0], [50, 10], [50, 30], [50, 50]],
@@ -44,16 +44,15 @@ JUMPS = NurbsCurve(
     2,
     [1, 1, 1, np.sqrt(0.5), 1, 1, 1],
 )
+LINE = line(100.0)
 SAWTOOTH = (
     "G21 G90 G64 P0.01\nG0 X0 Y0\nG1 X20 F6000\n" + "".join(f"X{x} Y20\nY0\n" for x in range(40, 121, 20)) + "M2\n"
 )
 
 
-def track_of(curve, limits, intervals, *, start=0.0, end=0.0, periodic=False):
-    (section,) = cut(curve, limits, start, end, exact_stop=False, periodic=periodic)
-    guess = scan(section, limits, intervals)
-    section = with_blends(section, guess)
-    return Track.on(section, limits, place_knots(section, guess, intervals)), guess
+def track_of(curve, limits, intervals, **options):
+    section, guess, grid = laid_out(curve, limits, intervals, **options)
+    return Track.on(section, limits, grid), guess
 
 
 def random_splines(track, rng, load=0.3, pace=1e-3):
@@ -110,8 +109,8 @@ def test_time_of_any_motion_is_what_the_multipliers_say_of_it():
 def test_no_multipliers_prove_more_than_a_plan_takes(seed):
     rng = np.random.default_rng(seed)
     curve = load_curve("butterfly", scale=10.0)
-    track, guess = track_of(curve, LIMITS, 200)
-    planned = plan_feedrate(curve, LIMITS).duration
+    track, guess = track_of(curve, MILL, 200)
+    planned = plan_feedrate(curve, MILL).duration
     wild, load = normalised(random_splines(track, rng, load=float(rng.uniform(0.1, 5.0))))
     assert normalised(wild)[1].max() <= 1.0
     assert value(wild)[0] <= planned
@@ -124,9 +123,9 @@ def test_no_multipliers_prove_more_than_a_plan_takes(seed):
 
 def test_line_from_rest_to_rest_is_bounded_by_its_closed_form():
     exact = 1.0 + 0.1 + 0.05  # seven segments: D/V + V/A + A/J
-    profile = plan_feedrate(LINE, LIMITS)
-    assert 0.0 <= 1.0 - certify(LINE, LIMITS, profile, intervals=1000) / exact < 1e-5
-    assert 0.0 <= 1.0 - certify(LINE, LIMITS, profile, intervals=4000) / exact < 1e-6
+    profile = plan_feedrate(LINE, MILL)
+    assert 0.0 <= 1.0 - certify(LINE, MILL, profile, intervals=1000) / exact < 1e-5
+    assert 0.0 <= 1.0 - certify(LINE, MILL, profile, intervals=4000) / exact < 1e-6
 
 
 def test_sawtooth_whose_old_bound_a_plan_contradicted(tmp_path):
@@ -139,23 +138,23 @@ def test_sawtooth_whose_old_bound_a_plan_contradicted(tmp_path):
 
 
 CASES = {
-    "rest to rest": ("teardrop", 1.0, LIMITS, {}, 1e-4),
-    "feeds at the ends": ("butterfly", 10.0, LIMITS, {"start_feed": 10.0, "end_feed": 5.0}, 5e-4),
-    "start acceleration": ("butterfly", 10.0, LIMITS, {"start_feed": 10.0, "start_acceleration": 100.0}, 5e-4),
-    "periodic": ("hypotrochoid", 10.0, Limits(300.0, [250.0] * 2, [1e3] * 2, [2e4] * 2), {"periodic": True}, 2e-4),
-    "an axis without a jerk limit": ("butterfly", 10.0, Limits(100.0, [250.0] * 2, [1e3] * 2, [2e4, np.inf]), {}, 5e-4),
+    "rest to rest": ("teardrop", 1.0, MILL, {}, 1e-4),
+    "feeds at the ends": ("butterfly", 10.0, MILL, {"start_feed": 10.0, "end_feed": 5.0}, 5e-4),
+    "start acceleration": ("butterfly", 10.0, MILL, {"start_feed": 10.0, "start_acceleration": 100.0}, 5e-4),
+    "periodic": ("hypotrochoid", 10.0, drives(300.0), {"periodic": True}, 2e-4),
+    "an axis without a jerk limit": ("butterfly", 10.0, drives(jerk=[2e4, np.inf]), {}, 5e-4),
     "no acceleration limit": ("teardrop", 1.0, Limits(100.0, [np.inf] * 2, [np.inf] * 2, [2e4] * 2), {}, 2e-4),
     "no velocity limit": ("teardrop", 1.0, Limits(np.inf, [np.inf] * 2, [1e3] * 2, [2e4] * 2), {}, 2e-4),
     "tangential limits": (
         "butterfly",
         10.0,
-        Limits(100.0, [250.0] * 2, [1e3] * 2, [2e4] * 2, tangential_acceleration=500.0, tangential_jerk=1e4),
+        drives(tangential_acceleration=500.0, tangential_jerk=1e4),
         {},
         1e-2,
     ),
     "rotary axes": ("flank", 1.0, load_limits("five-axis"), {}, 1.7e-2),
-    "curvature jumps": (JUMPS, 1.0, LIMITS, {}, 3e-2),
-    "exact stops": (JUMPS, 1.0, LIMITS, {"exact_stop": True}, 3e-4),
+    "curvature jumps": (JUMPS, 1.0, MILL, {}, 3e-2),
+    "exact stops": (JUMPS, 1.0, MILL, {"exact_stop": True}, 3e-4),
 }
 
 
@@ -182,7 +181,7 @@ def test_bound_is_close_to_the_plan_and_independently_verified(case, tmp_path):
 def test_agrees_with_the_verifier_to_quadrature():
     """Caps by ways from the stops differ (theirs are closer), so the cap is kept finite by the feed alone here."""
     curve = load_curve("teardrop")
-    limits = Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2)
+    limits = DRIVES
     profile = plan_feedrate(curve, limits, intervals=200)
     bound = certify(curve, limits, profile, intervals=2000)
     assert verify_bound(curve, limits, bound.certificate).proved == pytest.approx(bound, rel=1e-7)
@@ -194,7 +193,7 @@ def test_agrees_with_the_verifier_to_quadrature():
 )
 def test_gaps_to_the_best_plan_fall_with_the_knots(name, scale, feed):
     curve = load_curve(name, scale=scale)
-    limits = Limits(feed, [250.0] * 2, [1000.0] * 2, [20000.0] * 2, chord_error=1e-3)
+    limits = mill(feed)
     best = plan_feedrate(curve, limits, intervals=8000)
     assert check(curve, limits, best).ok
     gaps = [1.0 - certify(curve, limits, best, intervals=n) / best.duration for n in (1000, 4000)]
@@ -203,29 +202,29 @@ def test_gaps_to_the_best_plan_fall_with_the_knots(name, scale, feed):
 
 
 def test_bound_above_a_checked_plan_is_an_error(monkeypatch):
-    profile = plan_feedrate(LINE, LIMITS, intervals=100)
+    profile = plan_feedrate(LINE, MILL, intervals=100)
     impossible = replace(
         profile, t=0.9 * profile.t, u_rate=profile.u_rate / 0.9, u_acceleration=profile.u_acceleration / 0.81
     )
-    assert certify(LINE, LIMITS, impossible) > impossible.duration  # such a plan fails its check, and says nothing
+    assert certify(LINE, MILL, impossible) > impossible.duration  # such a plan fails its check, and says nothing
 
     class Passed:
         ok = True
 
     monkeypatch.setattr(bounds, "check", lambda *_args: Passed)
     with pytest.raises(SolverError, match="above a plan of"):
-        certify(LINE, LIMITS, impossible)
+        certify(LINE, MILL, impossible)
 
 
 def test_bound_is_a_number_that_carries_its_proof():
-    profile = plan_feedrate(LINE, LIMITS, intervals=100)
-    bound = certify(LINE, LIMITS, profile)
+    profile = plan_feedrate(LINE, MILL, intervals=100)
+    bound = certify(LINE, MILL, profile)
     assert f"{bound:.4f}" == "1.1500"
     assert float(bound) == bound.certificate.bound
     assert "from rest to rest" in bound.statement
     assert "osculating circle" in bound.statement
     with pytest.raises(FeedrateError, match="intervals = 3"):
-        certify(LINE, LIMITS, profile, intervals=3)
+        certify(LINE, MILL, profile, intervals=3)
 
 
 @pytest.mark.parametrize(
@@ -248,7 +247,7 @@ def test_a_bound_names_the_stops_of_its_plans_but_not_the_corners(stops, shown):
         feeds = 0.0, (12.5 if k == len(ends) - 2 else 0.0)
         data.append(CertificateSection(np.arange(3.0), u, np.empty((0, 4)), np.empty((0, 3)), *feeds, np.nan))
     certificate = Certificate(tuple(data), (), (), 1.5, bent.fingerprint, False)
-    named = statement(bent, Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2), certificate).split("; ")
+    named = statement(bent, DRIVES, certificate).split("; ")
     assert named[0] == "no plan of bent from rest to 12.5 mm/s within these limits takes less than 1.5 s"
     if shown is None:
         assert len(named) == 1
@@ -256,7 +255,7 @@ def test_a_bound_names_the_stops_of_its_plans_but_not_the_corners(stops, shown):
         assert named[1].startswith("for plans that stop at u = ")
         assert named[1].endswith(shown)
         assert "100" not in named[1]
-    jumps = statement(JUMPS, LIMITS, replace(certificate, sections=tuple(data[:1]), periodic=True)).split("; ")
+    jumps = statement(JUMPS, MILL, replace(certificate, sections=tuple(data[:1]), periodic=True)).split("; ")
     assert jumps[0].startswith("no plan of nurbs that pass its end into its start within these limits takes")
     assert jumps[1] == "the chord error counts as the feed limit of the osculating circle"
     assert jumps[2].startswith("at curvature jumps the acceleration steps by at most 0.001 s / 0.75 of the jerk limit")
@@ -266,9 +265,9 @@ def test_a_bound_names_the_stops_of_its_plans_but_not_the_corners(stops, shown):
 def test_a_plan_is_periodic_that_says_so_or_closes_and_says_nothing(periodic):
     """What a plan says decides where it can be true; a table of other makers says nothing."""
     curve = load_curve("circle")
-    around = plan_feedrate(curve, LIMITS, periodic=True, intervals=100)
+    around = plan_feedrate(curve, MILL, periodic=True, intervals=100)
     origin = replace(around.origin, periodic=periodic)
-    assert certify(curve, LIMITS, replace(around, origin=origin), intervals=60).certificate.periodic is (
+    assert certify(curve, MILL, replace(around, origin=origin), intervals=60).certificate.periodic is (
         periodic is not False
     )
     for column in ("feed", "acceleration"):
@@ -383,19 +382,19 @@ def test_a_tip_that_turns_back_has_no_bound_from_its_arc_length():
 
 def test_a_certificate_for_other_limits_says_so():
     """Multipliers for a slow machine prove no time at all on one whose axes have ten thousand times its jerk."""
-    profile = plan_feedrate(LINE, LIMITS, intervals=100)
-    bound = certify(LINE, LIMITS, profile)
+    profile = plan_feedrate(LINE, MILL, intervals=100)
+    bound = certify(LINE, MILL, profile)
     fast = Limits(1e4, [1e4] * 2, [1e6] * 2, [2e12] * 2)
     report = verify_plan_bound(LINE, fast, bound.certificate, profile)
     assert report.proved <= 0.0
     assert report.statement.startswith("nothing for these limits")
     assert report.refusal.startswith("the certificate proves nothing for these limits, not the 1.1499")
     assert report.refusal.endswith("the plan was made for other limits than these: give those")
-    same = verify_plan_bound(LINE, Limits(**vars(LIMITS)), bound.certificate, profile)
+    same = verify_plan_bound(LINE, Limits(**vars(MILL)), bound.certificate, profile)
     assert same.ok
     assert not same.other_limits
-    assert Limits(**{**vars(LIMITS), "jerk": [2e4, 2.1e4]}) != LIMITS
-    assert LIMITS.with_feed(99.0) != LIMITS
+    assert Limits(**{**vars(MILL), "jerk": [2e4, 2.1e4]}) != MILL
+    assert MILL.with_feed(99.0) != MILL
 
 
 def test_a_bound_whose_coordinate_does_not_grow_is_none(monkeypatch):

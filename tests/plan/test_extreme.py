@@ -5,13 +5,12 @@ import warnings
 
 import numpy as np
 import pytest
-from cases import CURVES
+from cases import CURVES, DRIVES
 from extreme import extreme_case
 
 from interp import replay
 from planner import check, load_curve, load_limits, plan_feedrate
 from planner.errors import FeedrateError, SolverError
-from planner.machine.limits import Limits
 from planner.plan.solvers import interior as optimal
 
 
@@ -56,9 +55,8 @@ def test_a_solve_that_fails_names_its_stretch(monkeypatch):
         raise SolverError("the interior-point method stopped")
 
     monkeypatch.setattr(optimal, "solve", fails)
-    limits = Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2)
     with pytest.raises(SolverError, match=r"teardrop: no plan found between u = 0 and 1: the interior-point method"):
-        plan_feedrate(load_curve("teardrop"), limits)
+        plan_feedrate(load_curve("teardrop"), DRIVES)
 
 
 @pytest.mark.parametrize(

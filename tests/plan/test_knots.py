@@ -2,57 +2,31 @@
 
 import numpy as np
 import pytest
-from cases import CURVES
+from cases import CURVES, ellipse, line, line_arc_line, mill
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from problems import laid_out
 from strategies import random_nurbs
 
 from planner.errors import InfeasibleError
 from planner.geometry.catalog import load_curve
 from planner.geometry.formula import FormulaCurve
-from planner.geometry.nurbs import NurbsCurve
 from planner.machine.limits import Limits
 from planner.machine.machine_file import load_limits
-from planner.plan.knots import place_knots, scan, split, with_blends
+from planner.plan.knots import place_knots, scan, split
 from planner.plan.section import cut
 from planner.plan.utilisation_kernels import limit_growth
 
-W = np.sqrt(0.5)
-
-
-def plane(feed=100.0, dim=2, **changes):
-    values = {"velocity": [250.0] * dim, "acceleration": [1000.0] * dim, "jerk": [20000.0] * dim, "chord_error": 1e-3}
-    return Limits(feed, **(values | changes))
-
-
-def line(length):
-    return NurbsCurve([[0.0, 0.0], [length, 0.0]], [0, 0, 1, 1], 1, name="line")
-
-
-def line_arc_line():
-    points = [[-20, 0], [-10, 0], [0, 0], [10, 0], [10, 10], [10, 20], [10, 30]]
-    return NurbsCurve(points, [0, 0, 0, 1, 1, 2, 2, 3, 3, 3], 2, [1, 1, 1, W, 1, 1, 1])
-
-
-def laid_out(curve, limits, intervals=1000, **feeds):
-    """Section with blends, scan and grid of a path without corners."""
-    given_feeds = {"start_feed": 0.0, "end_feed": 0.0} | feeds
-    (section,) = cut(curve, limits, **given_feeds, exact_stop=False)
-    guess = scan(section, limits, intervals)
-    section = with_blends(section, guess)
-    return section, guess, place_knots(section, guess, intervals)
-
-
 CASES = {
-    "teardrop": (lambda: load_curve("teardrop"), plane()),
-    "butterfly": (lambda: load_curve("butterfly", scale=10), plane(300.0)),
-    "circle": (lambda: load_curve("circle"), plane()),
-    "butterfly-nurbs": (lambda: load_curve("butterfly-nurbs"), plane(250.0)),
+    "teardrop": (lambda: load_curve("teardrop"), mill()),
+    "butterfly": (lambda: load_curve("butterfly", scale=10), mill(300.0)),
+    "circle": (lambda: load_curve("circle"), mill()),
+    "butterfly-nurbs": (lambda: load_curve("butterfly-nurbs"), mill(250.0)),
     "flank": (lambda: load_curve("flank"), load_limits("five-axis")),
-    "line and arc": (line_arc_line, plane()),
-    "nanometre": (lambda: load_curve("circle", scale=1e-8), plane()),
-    "100 km": (lambda: load_curve("circle", scale=1e6), plane()),
-    "100 km line": (lambda: line(1e8), plane()),
+    "line and arc": (line_arc_line, mill()),
+    "nanometre": (lambda: load_curve("circle", scale=1e-8), mill()),
+    "100 km": (lambda: load_curve("circle", scale=1e6), mill()),
+    "100 km line": (lambda: line(1e8), mill()),
 }
 
 
@@ -108,7 +82,7 @@ def test_every_break_has_a_double_knot_exactly_on_it(case):
 def test_a_knot_at_which_only_the_fourth_derivative_jumps_counts_as_a_break():
     curve = random_nurbs(3, 4, 2, spans=3)
     assert curve.breaks == ()
-    _, _, grid = laid_out(curve, plane())
+    _, _, grid = laid_out(curve, mill())
     assert np.isin(curve._candidate_breaks(), grid.u).all()
 
 
@@ -128,14 +102,14 @@ def test_a_rest_is_resolved(case):
 
 def test_knots_crowd_where_the_path_is_slow_or_turns():
     curve = FormulaCurve({"X": "100*u", "Y": "0.2*atan(50*(u-0.5))"}, (0.0, 1.0))
-    _, _, grid = laid_out(curve, plane())
+    _, _, grid = laid_out(curve, mill())
     near = np.diff(grid.u)[np.abs(grid.u[:-1] - 0.5) < 0.01].mean()
     assert near < 0.4 * np.diff(grid.u)[(grid.u[:-1] > 0.25) & (grid.u[:-1] < 0.35)].mean()
 
 
 @pytest.mark.parametrize("period", [1e-3, 1e-4])
 def test_a_curvature_jump_that_is_passed_slowly_is_resolved(period):
-    section, guess, grid = laid_out(line_arc_line(), plane(period=period))
+    section, guess, grid = laid_out(line_arc_line(), mill(period=period))
     feed = np.sqrt(2.0 / 3.0 * 20000.0 * period / 0.1)
     assert guess.dips.feed == pytest.approx([feed, feed], rel=1e-6)
     # v^1.5 grows by 2.12 sqrt(J) a mm; the plan has left the jump's feed behind after about this length
@@ -151,7 +125,7 @@ def test_a_curvature_jump_that_is_passed_slowly_is_resolved(period):
 def test_knots_of_random_paths(seed, degree, intervals):
     rng = np.random.default_rng(seed)
     curve = random_nurbs(seed, degree, 3, spans=int(rng.integers(1, 40)), repeat=int(rng.integers(1, degree)))
-    section, _, grid = laid_out(curve, plane(dim=3), intervals)
+    section, _, grid = laid_out(curve, mill(dim=3), intervals)
     candidates = curve._candidate_breaks()
     assert (np.diff(grid.sigma) >= 0.0).all()
     assert grid.sigma[[0, -1]].tolist() == [0.0, section.span]
@@ -167,7 +141,7 @@ def test_knots_of_random_paths(seed, degree, intervals):
 
 
 def test_split_halves_the_intervals_asked_for():
-    section, _, grid = laid_out(load_curve("circle"), plane(), 60)
+    section, _, grid = laid_out(load_curve("circle"), mill(), 60)
     h = np.diff(grid.sigma)
     where = np.zeros(h.size, dtype=bool)
     where[[0, 7, h.size - 1]] = True
@@ -182,7 +156,7 @@ def test_split_halves_the_intervals_asked_for():
 
 
 def test_split_beside_a_double_knot_keeps_it():
-    section, _, grid = laid_out(line_arc_line(), plane(), 60)
+    section, _, grid = laid_out(line_arc_line(), mill(), 60)
     where = np.zeros(grid.sigma.size - 1, dtype=bool)
     before = grid.left[:-1]
     where[before - 1] = where[before + 1] = True
@@ -193,7 +167,7 @@ def test_split_beside_a_double_knot_keeps_it():
 
 
 def test_split_of_everything_doubles_the_grid():
-    section, _, grid = laid_out(load_curve("butterfly-nurbs"), plane(), 200)
+    section, _, grid = laid_out(load_curve("butterfly-nurbs"), mill(), 200)
     finer = split(section, grid, np.ones(grid.sigma.size - 1, dtype=bool))
     assert finer.intervals == 2 * grid.intervals
     assert split(section, grid, np.zeros(grid.sigma.size - 1, dtype=bool)).sigma.tolist() == grid.sigma.tolist()
@@ -213,15 +187,14 @@ def test_guess_is_reachable_and_below_what_every_point_allows(case):
 
 
 def test_turning_and_length_of_the_guess():
-    circle = FormulaCurve({"X": "20*cos(u)", "Y": "20*sin(u)"}, (0.0, 2.0 * np.pi))
-    _, guess, _ = laid_out(circle, plane())
+    _, guess, _ = laid_out(ellipse(20.0, 20.0), mill())
     assert guess.turning[-1] == pytest.approx(2.0 * np.pi, rel=1e-9)
     assert guess.length[-1] == pytest.approx(40.0 * np.pi, rel=1e-9)
     assert guess.ceiling == pytest.approx(np.full(guess.ceiling.size, 100.0))
 
 
 def test_guess_on_a_line_is_that_of_constant_acceleration():
-    limits = plane(jerk=[np.inf] * 2)
+    limits = mill(jerk=[np.inf] * 2)
     _, guess, _ = laid_out(line(50.0), limits)
     s = guess.length
     left = np.maximum(np.minimum(s, 50.0 - s), 0.0)
@@ -229,14 +202,14 @@ def test_guess_on_a_line_is_that_of_constant_acceleration():
 
 
 def test_prescribed_feeds_need_no_blend():
-    section, guess, _ = laid_out(load_curve("teardrop"), plane(), start_feed=50.0, end_feed=20.0)
+    section, guess, _ = laid_out(load_curve("teardrop"), mill(), start=50.0, end=20.0)
     assert (section.blend_start, section.blend_end) == (0.0, 0.0)
     assert guess.feed[[0, -1]] == pytest.approx([50.0, 20.0], rel=1e-9)
 
 
 @pytest.mark.parametrize("length", [1e-6, 1.0, 1e4])
 def test_blends_are_the_way_it_takes_to_speed_up(length):
-    section, guess, _ = laid_out(line(length), plane())
+    section, guess, _ = laid_out(line(length), mill())
     top = guess.feed.max()
     way = 0.5 * top * (top / 1000.0 + 1000.0 / 20000.0)
     assert section.blend_start * section.curve.length <= way * (1.0 + 1e-9)
@@ -249,8 +222,7 @@ def test_an_axis_that_has_no_limits_leaves_the_guess_to_the_other(limited):
     """Where the limited axis stands still nothing bounds the feed but the command."""
     free = [np.inf if axis != limited else 1.0 for axis in "XY"]
     rows = {name: np.array(free) * value for name, value in (("acceleration", 1000.0), ("jerk", 20000.0))}
-    ellipse = FormulaCurve({"X": "30*cos(u)", "Y": "10*sin(u)"}, (0.0, 2.0 * np.pi))
-    section, guess, grid = laid_out(ellipse, plane(**rows))
+    section, guess, grid = laid_out(ellipse(), mill(**rows))
     assert np.isfinite(guess.feed).all()
     assert 50.0 < guess.feed.max() <= 100.0
     assert min(section.blend_start, section.blend_end) > 0.0

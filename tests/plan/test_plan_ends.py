@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from plan_cases import line, line_into_arc, plane, s_curve_time, square, worst
+from cases import line, line_into_arc, mill, s_curve_time, square, worst
 
 from interp import replay
 from planner import Curve, InfeasibleError, InputError, Limits, SolverError, check, load_curve, plan_feedrate
@@ -19,22 +19,22 @@ from planner.status import Status
 
 def test_corners_become_exact_stops() -> None:
     curve = square(20.0)
-    profile = plan_feedrate(curve, plane())
+    profile = plan_feedrate(curve, mill())
     assert profile.duration == pytest.approx(4.0 * s_curve_time(20.0, 100.0, 1000.0, 20000.0), rel=1e-4)
     assert sum("exact stop" in note for note in profile.notes) == 3
-    worst(curve, plane(), profile)
+    worst(curve, mill(), profile)
 
 
 def test_a_plan_of_s_curves_counts_the_intervals_of_its_sides_and_claims_no_bound() -> None:
     """Two nodes share each of the three corners of the four sides."""
-    profile = plan_feedrate(square(20.0), plane(), method="scurve")
+    profile = plan_feedrate(square(20.0), mill(), method="scurve")
     assert profile.status is Status.FEASIBLE
     assert profile.work.intervals == np.count_nonzero(np.diff(profile.t)) == profile.t.size - 4
     assert np.isnan(profile.lower_bound)
 
 
 def test_a_curvature_jump_is_passed_slowly_enough_for_the_samples() -> None:
-    curve, limits = line_into_arc(), plane()
+    curve, limits = line_into_arc(), mill()
     profile = plan_feedrate(curve, limits)
     assert any("curvature jumps" in note for note in profile.notes)
     at = int(np.flatnonzero(profile.u == 1.0)[0])
@@ -49,10 +49,10 @@ def test_a_curvature_jump_is_passed_slowly_enough_for_the_samples() -> None:
 
 
 def test_exact_stop_stops_at_a_curvature_jump() -> None:
-    profile = plan_feedrate(line_into_arc(), plane(), exact_stop=True)
+    profile = plan_feedrate(line_into_arc(), mill(), exact_stop=True)
     assert profile.feed[profile.u == 1.0].max() == 0.0
     assert any("exact stop at u = 1" in note for note in profile.notes)
-    worst(line_into_arc(), plane(), profile)
+    worst(line_into_arc(), mill(), profile)
 
 
 def test_a_resting_tip_is_planned_on_the_rotary_axis() -> None:
@@ -69,19 +69,19 @@ def test_a_resting_tip_is_planned_on_the_rotary_axis() -> None:
 
 def test_entry_and_exit_feeds_are_kept_exactly() -> None:
     curve = load_curve("teardrop")
-    profile = plan_feedrate(curve, plane(), start_feed=50.0, end_feed=20.0)
+    profile = plan_feedrate(curve, mill(), start_feed=50.0, end_feed=20.0)
     assert profile.feed[[0, -1]] == pytest.approx([50.0, 20.0], rel=1e-9)
-    assert profile.duration < plan_feedrate(curve, plane()).duration
-    worst(curve, plane(), profile)
-    worst(curve, plane(), replay(curve, profile))
+    assert profile.duration < plan_feedrate(curve, mill()).duration
+    worst(curve, mill(), profile)
+    worst(curve, mill(), replay(curve, profile))
 
 
 def test_a_closed_path_runs_on_without_a_stop() -> None:
     curve = load_curve("circle")
-    profile = plan_feedrate(curve, plane(), periodic=True)
+    profile = plan_feedrate(curve, mill(), periodic=True)
     assert profile.duration == pytest.approx(curve.length / 100.0, rel=1e-5)
     assert profile.feed[0] == pytest.approx(profile.feed[-1], rel=1e-9)
-    worst(curve, plane(), replay(curve, profile))
+    worst(curve, mill(), replay(curve, profile))
 
 
 @pytest.mark.parametrize(
@@ -105,11 +105,11 @@ def test_a_closed_path_runs_on_without_a_stop() -> None:
 )
 def test_bad_arguments_are_named(changes: dict[str, object], error: type[Exception], words: str) -> None:
     with pytest.raises(error, match=words):
-        plan_feedrate(line(1.0), plane(), **changes)  # type: ignore[arg-type]
+        plan_feedrate(line(1.0), mill(), **changes)  # type: ignore[arg-type]
 
 
 def test_a_reserve_is_left_unused_from_its_parameter_on() -> None:
-    curve, limits = load_curve("butterfly", scale=10.0), plane()
+    curve, limits = load_curve("butterfly", scale=10.0), mill()
     middle = 0.5 * sum(curve.domain)
     profile = plan_feedrate(curve, limits, reserve=[(middle, 0.1)])
     t = np.linspace(0.0, profile.duration, 20_001)
@@ -124,13 +124,13 @@ def test_a_reserve_is_left_unused_from_its_parameter_on() -> None:
 
 def test_sections_are_chained_without_a_gap() -> None:
     """Four sides of a square of one length take one time; at a stop two nodes share it."""
-    profile = plan_feedrate(square(20.0), plane())
+    profile = plan_feedrate(square(20.0), mill())
     double = np.flatnonzero(np.diff(profile.t) == 0.0)
     assert profile.u[double].tolist() == profile.u[double + 1].tolist() == [1.0, 2.0, 3.0]
     assert profile.t[double] == pytest.approx(profile.duration * np.array([0.25, 0.5, 0.75]), rel=1e-4)
     assert (np.diff(profile.t) >= 0.0).all()
-    one = plan_feedrate(line(20.0), plane(), intervals=250)
-    four = plan_feedrate(square(20.0), plane(), intervals=1000)
+    one = plan_feedrate(line(20.0), mill(), intervals=250)
+    four = plan_feedrate(square(20.0), mill(), intervals=1000)
     assert four.duration == pytest.approx(4.0 * one.duration, rel=1e-6)
     assert four.lower_bound == pytest.approx(4.0 * one.lower_bound, rel=1e-6)
     for key in ("intervals", "iterations"):
@@ -143,7 +143,7 @@ def test_sections_are_chained_without_a_gap() -> None:
 
 def test_an_entry_feed_that_cannot_be_braked_is_infeasible() -> None:
     with pytest.raises(InfeasibleError, match="start_feed = 100 to end_feed = 0"):
-        plan_feedrate(line(1.0), plane(), start_feed=100.0)
+        plan_feedrate(line(1.0), mill(), start_feed=100.0)
 
 
 def test_limits_that_limit_nothing_are_refused() -> None:
@@ -153,12 +153,12 @@ def test_limits_that_limit_nothing_are_refused() -> None:
 
 def test_limits_of_another_number_of_axes_are_refused() -> None:
     with pytest.raises(InputError, match="the limits have 2 axes"):
-        plan_feedrate(load_curve("flank"), plane())
+        plan_feedrate(load_curve("flank"), mill())
 
 
 def test_a_kinked_seam_cannot_be_periodic() -> None:
     with pytest.raises(InputError, match="smooth seam"):
-        plan_feedrate(load_curve("teardrop"), plane(), periodic=True)
+        plan_feedrate(load_curve("teardrop"), mill(), periodic=True)
 
 
 def racetrack() -> Curve:
@@ -190,16 +190,16 @@ def racetrack() -> Curve:
 
 def test_a_seam_at_which_the_curvature_jumps_cannot_be_periodic() -> None:
     with pytest.raises(InputError, match=r"curvature of racetrack jumps by 0\.1 1/mm there"):
-        plan_feedrate(racetrack(), plane(), periodic=True)
+        plan_feedrate(racetrack(), mill(), periodic=True)
 
 
 def test_a_gap_is_measured_by_the_size_of_the_path_wherever_it_lies() -> None:
     """A circle of 10 mm, 1e6 mm from the origin: closed to a digit there, or open by 1e-7 mm, ten times what may be."""
     circle = {"X": "1e6+10*cos(u)", "Y": "2e6+10*sin(u)"}
     with pytest.raises(InputError, match=r"needs a closed curve; the ends of formula are 9\.99e-08 apart"):
-        plan_feedrate(FormulaCurve(circle, (0.0, 2.0 * np.pi - 1e-8)), plane(), periodic=True)
+        plan_feedrate(FormulaCurve(circle, (0.0, 2.0 * np.pi - 1e-8)), mill(), periodic=True)
     curve = FormulaCurve(circle, (0.0, 2.0 * np.pi))
-    assert plan_feedrate(curve, plane(), periodic=True).duration == pytest.approx(curve.length / 100.0, rel=1e-5)
+    assert plan_feedrate(curve, mill(), periodic=True).duration == pytest.approx(curve.length / 100.0, rel=1e-5)
 
 
 def test_a_closed_path_with_a_corner_cannot_be_periodic() -> None:
@@ -207,11 +207,11 @@ def test_a_closed_path_with_a_corner_cannot_be_periodic() -> None:
         [[5, 0], [10, 0], [10, 10], [0, 10], [0, 0], [5, 0]], [0, 0, 1, 2, 3, 4, 5, 5], 1, name="square"
     )
     with pytest.raises(InputError, match="cannot pass the exact stop of square at u = 1"):
-        plan_feedrate(square, plane(), periodic=True)
+        plan_feedrate(square, mill(), periodic=True)
 
 
 def test_a_periodic_plan_needs_no_jerk_limit() -> None:
-    curve, limits = load_curve("circle"), plane(jerk=[np.inf] * 2)
+    curve, limits = load_curve("circle"), mill(jerk=[np.inf] * 2)
     profile = plan_feedrate(curve, limits, periodic=True)
     assert check(curve, limits, profile).ok
     assert profile.duration == pytest.approx(curve.length / limits.feed, rel=1e-5)
@@ -221,16 +221,16 @@ def test_a_periodic_plan_needs_no_jerk_limit() -> None:
 def test_a_plan_with_feeds_at_its_ends_keeps_its_limits_or_is_an_error(end: float) -> None:
     curve = FormulaCurve({"X": "60*u", "Y": "20*sin(3*u)"}, (0.0, 2.0))
     try:
-        profile = plan_feedrate(curve, plane(), start_feed=10.0, end_feed=end)
+        profile = plan_feedrate(curve, mill(), start_feed=10.0, end_feed=end)
     except (InfeasibleError, SolverError):  # said, not silently exceeded
         assert end <= 0.01
     else:
-        worst(curve, plane(), profile)
+        worst(curve, mill(), profile)
 
 
 def test_progress_is_a_share() -> None:
     said: list[tuple[str, float | None]] = []
-    plan_feedrate(square(20.0), plane(), progress=lambda text, share: said.append((text, share)))
+    plan_feedrate(square(20.0), mill(), progress=lambda text, share: said.append((text, share)))
     shares = [share for _, share in said]
     assert all(share is None or 0.0 <= share <= 1.0 for share in shares)
     assert [entry for entry in said if entry[0].startswith("section")] == [
@@ -244,7 +244,7 @@ def test_a_plan_may_continue_another_one(method: str) -> None:
     curve = line(30.0)
     profile = plan_feedrate(
         curve,
-        plane(),
+        mill(),
         method=method,
         start_feed=50.0,
         start_acceleration=400.0,
@@ -252,7 +252,7 @@ def test_a_plan_may_continue_another_one(method: str) -> None:
     )
     assert profile.feed[0] == pytest.approx(50.0, rel=1e-9)
     assert profile.acceleration[0] == pytest.approx(400.0, rel=1e-9)
-    assert check(curve, plane(), profile).ok
+    assert check(curve, mill(), profile).ok
     # rise: jerk 20000 from 400 to a, then back to 0; feed gained (a^2 - 400^2) / 2J + a^2 / 2J = 50
     peak = np.sqrt(20000.0 * 50.0 + 0.5 * 400.0**2)
     up, down = (peak - 400.0) / 20000.0, peak / 20000.0
@@ -273,7 +273,7 @@ def test_a_plan_may_continue_another_one(method: str) -> None:
 )
 def test_start_accelerations_that_are_not_allowed(options: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=re.escape(message)):
-        plan_feedrate(line(30.0), plane(), **options)
+        plan_feedrate(line(30.0), mill(), **options)
 
 
 @pytest.mark.parametrize("given", [1000.0, -1000.0, 5000.0])
@@ -282,16 +282,16 @@ def test_a_start_acceleration_beyond_an_axis_names_it(given: float) -> None:
     with pytest.raises(
         InfeasibleError, match=rf"start_acceleration = {given:g} mm/s\^2 at 50 mm/s takes .* of acceleration X"
     ):
-        plan_feedrate(line(30.0), plane(), start_feed=50.0, start_acceleration=given)
+        plan_feedrate(line(30.0), mill(), start_feed=50.0, start_acceleration=given)
     with pytest.raises(InfeasibleError, match="must stay below the tangential acceleration, 300 mm"):
-        plan_feedrate(line(30.0), plane(tangential_acceleration=300.0), start_feed=50.0, start_acceleration=given)
-    assert plan_feedrate(line(30.0), plane(), start_feed=50.0, start_acceleration=999.99).duration > 0.0
+        plan_feedrate(line(30.0), mill(tangential_acceleration=300.0), start_feed=50.0, start_acceleration=given)
+    assert plan_feedrate(line(30.0), mill(), start_feed=50.0, start_acceleration=999.99).duration > 0.0
 
 
 def test_a_start_acceleration_counts_with_the_curvature() -> None:
     """On a circle of 20 mm, where the tangent is at 45 degrees: X takes (500 + 80^2 / 20) / sqrt 2."""
     circle = FormulaCurve({"X": "20*cos(u)", "Y": "20*sin(u)"}, (0.25 * np.pi, 3.0))
-    limits = plane(acceleration=[550.0, 1000.0])
+    limits = mill(acceleration=[550.0, 1000.0])
     with pytest.raises(InfeasibleError, match=r"takes 579.827\d* of acceleration X, which must stay below 550"):
         plan_feedrate(circle, limits, start_feed=80.0, start_acceleration=500.0)
 
@@ -301,31 +301,31 @@ def test_a_start_acceleration_counts_with_the_curvature() -> None:
 )
 def test_numbers_of_another_kind_are_refused(options: dict[str, Any]) -> None:
     with pytest.raises(InputError, match=f"{next(iter(options))} = "):
-        plan_feedrate(line(30.0), plane(), **options)
+        plan_feedrate(line(30.0), mill(), **options)
 
 
 def test_an_axis_without_a_jerk_limit_may_begin_beside_one_that_has_it() -> None:
     """Y moves first and has none: little is lost against the bound without any, and nothing is exceeded."""
     ellipse = FormulaCurve({"X": "30*cos(u)", "Y": "10*sin(u)"}, (0.0, 2.0 * np.pi))
-    limits = plane(jerk=[20000.0, np.inf])
+    limits = mill(jerk=[20000.0, np.inf])
     profile = plan_feedrate(ellipse, limits)
     assert profile.duration < 1.015 * profile.lower_bound
     assert check(ellipse, limits, profile).ok
 
 
 def test_corners_without_any_jerk_limit_are_left_at_full_acceleration() -> None:
-    limits = plane(jerk=[np.inf] * 2)
+    limits = mill(jerk=[np.inf] * 2)
     profile = plan_feedrate(square(20.0), limits, intervals=400)
     report = check(square(20.0), limits, profile)
     assert report.ok, str(report)
     assert profile.duration == pytest.approx(4.0 * (20.0 / 100.0 + 100.0 / 1000.0), rel=2e-3)
-    half = plane(jerk=[np.inf, 20000.0])
+    half = mill(jerk=[np.inf, 20000.0])
     assert not check(square(20.0), half, profile).ok
 
 
 def test_a_round_that_fails_leaves_the_plan_before_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """The solver gives up in the second round: the first one's plan, slowed down, and the reason."""
-    curve, limits = load_curve("butterfly", scale=10.0), plane()
+    curve, limits = load_curve("butterfly", scale=10.0), mill()
     whole = plan_feedrate(curve, limits, intervals=300)
     assert whole.work.rounds > 1
     solve, calls = optimal.solve, []

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from cases import CURVES, PROGRAMS
-from plan_cases import OPTIMA, plane, worst
+from cases import CURVES, PROGRAMS, mill, reference_cases, worst
 
 from planner import Curve, Limits, check, load_curve, load_limits, plan_feedrate
 from planner.plan import refine
@@ -15,7 +14,7 @@ from planner.status import Status
 
 
 def test_without_a_jerk_limit_toppra_plans() -> None:
-    limits = plane(jerk=[np.inf] * 2)
+    limits = mill(jerk=[np.inf] * 2)
     profile = plan_feedrate(load_curve("teardrop"), limits)
     assert profile.duration == pytest.approx(1.0903, rel=1e-3)
     assert any("no jerk limit" in note for note in profile.notes)
@@ -23,35 +22,28 @@ def test_without_a_jerk_limit_toppra_plans() -> None:
 
 def test_a_budget_ends_early_with_a_feasible_plan() -> None:
     curve = load_curve("butterfly", scale=10)
-    best = plan_feedrate(curve, plane())
-    early = plan_feedrate(curve, plane(), budget=1e-4)
+    best = plan_feedrate(curve, mill())
+    early = plan_feedrate(curve, mill(), budget=1e-4)
     assert best.duration * (1.0 - 1e-6) <= early.duration <= 1.5 * best.duration
-    worst(curve, plane(), early)
+    worst(curve, mill(), early)
 
 
 def test_multipliers_predict_what_another_limit_saves() -> None:
     curve = load_curve("butterfly", scale=10)
-    base = plan_feedrate(curve, plane(300.0))
+    base = plan_feedrate(curve, mill(300.0))
     saved = base.saved_by_one_percent
     for name, changes in (
         ("acceleration X", {"acceleration": [1050.0, 1000.0]}),
         ("jerk Y", {"jerk": [20000.0, 21000.0]}),
     ):
-        changed = plan_feedrate(curve, plane(300.0, **changes))
+        changed = plan_feedrate(curve, mill(300.0, **changes))
         assert base.duration - changed.duration == pytest.approx(5.0 * saved[name], rel=0.15)
 
 
 def grid_cases() -> dict[str, tuple[Curve, Limits]]:
-    found = {
-        f"{name} {feed:g}": (load_curve(name, scale=scale), plane(feed))
-        for name, scale in OPTIMA
-        for feed in (100.0, 300.0)
-    }
-    free = Limits(250.0, [np.inf] * 2, [2000.0] * 2, [20000.0] * 2)
-    found["butterfly-nurbs 250"] = load_curve("butterfly-nurbs"), free
-    found["flank"] = load_curve("flank"), load_limits("five-axis")
+    found = {name: (curve, limits) for name, curve, limits, _ in reference_cases()}
     slots = read_program(PROGRAMS / "slots.ngc")
-    found["slots"] = program_path(slots, 0.01, plane()).curve, plane()
+    found["slots"] = program_path(slots, 0.01, mill()).curve, mill()
     return found
 
 
@@ -96,11 +88,11 @@ def test_a_plan_that_was_slowed_down_says_so_and_still_names_what_binds(monkeypa
     # As if the first round had been the last: 24 intervals are far too few, and the law between them too fast.
     monkeypatch.setattr(refine, "_MAX_ROUNDS", 1)
     curve = load_curve("butterfly", scale=10.0)
-    profile = plan_feedrate(curve, plane(), intervals=60)
+    profile = plan_feedrate(curve, mill(), intervals=60)
     assert profile.work.slowdown > 1.01
     assert profile.status is Status.SLOWED
     assert any("slowed down as a whole" in note for note in profile.notes)
-    assert check(curve, plane(), profile).ok
+    assert check(curve, mill(), profile).ok
     assert profile.shares().get("none", 0.0) < 0.8
 
 
@@ -108,7 +100,7 @@ def test_a_plan_that_was_slowed_down_says_so_and_still_names_what_binds(monkeypa
 def test_an_axis_that_loses_its_jerk_limit_makes_no_plan_slower(name: str) -> None:
     """Beside an axis that keeps its own; from stop to stop the free one leaves on a ramp of half a period."""
     curve = load_curve(name, scale=1.0 if name == "circle" else 10.0)
-    durations = [plan_feedrate(curve, plane(jerk=[20000.0, free])).duration for free in (2e4, 1e5, 1e6, np.inf)]
+    durations = [plan_feedrate(curve, mill(jerk=[20000.0, free])).duration for free in (2e4, 1e5, 1e6, np.inf)]
     assert (np.diff(durations) <= 1e-5 * durations[0]).all(), durations
 
 
@@ -127,7 +119,7 @@ def test_the_true_chord_error_is_kept_at_a_near_cusp() -> None:
 
 def test_a_plan_that_keeps_its_chord_error_is_left_as_it_is() -> None:
     curve = load_curve("butterfly", scale=10.0)
-    limits = plane(chord_error=1e-4)
+    limits = mill(chord_error=1e-4)
     profile = plan_feedrate(curve, limits, intervals=400)
     assert not any("chord error" in note for note in profile.notes)
     assert check(curve, limits, profile).ok

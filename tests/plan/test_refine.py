@@ -8,28 +8,25 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cases import DRIVES
+from problems import laid_out
 
-from planner import Limits, load_curve
+from planner import load_curve
 from planner.errors import InfeasibleError, SolverError
 from planner.plan import refine
 from planner.plan import stage as stages
-from planner.plan.knots import place_knots, scan, with_blends
 from planner.plan.refine import Effort, Round
-from planner.plan.section import Section, cut
+from planner.plan.section import Section
 from planner.plan.solvers import interior as optimal
 from planner.plan.stage import Stage, Task
 from planner.plan.utilisation import Utilisation
 from planner.status import Status, Work
 
-LIMITS = Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2)
-
 
 def task_of(name: str = "teardrop", intervals: int = 100, **feeds: float) -> tuple[Task, Stage]:
-    (section,) = cut(load_curve(name), LIMITS, feeds.get("start", 0.0), feeds.get("end", 0.0), exact_stop=False)
-    guess = scan(section, LIMITS, intervals)
-    section = with_blends(section, guess)
-    task = Task(section, LIMITS, guess, "optimal", False, np.inf, None)
-    return task, Stage.on(task, place_knots(section, guess, intervals))
+    section, guess, grid = laid_out(load_curve(name), DRIVES, intervals, **feeds)
+    task = Task(section, DRIVES, guess, "optimal", False, np.inf, None)
+    return task, Stage.on(task, grid)
 
 
 def used_of(**shares: Any) -> Utilisation:

@@ -6,13 +6,12 @@ from dataclasses import replace
 from typing import Any, Literal
 
 import pytest
+from cases import DRIVES
 
-from planner import FeedrateProfile, Limits, load_curve, plan_feedrate
+from planner import FeedrateProfile, load_curve, plan_feedrate
 from planner.plan.solvers import interior as optimal
 from planner.plan.solvers import ipopt as nlp
 from planner.status import Status
-
-LIMITS = Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2)
 
 
 def planned_with(
@@ -31,7 +30,7 @@ def planned_with(
         return replace(solve(*args, **kwargs), cpu_s=solves[-1], **found)
 
     monkeypatch.setattr(solver, "solve", timed)
-    return plan_feedrate(load_curve(name), LIMITS, method=method, intervals=intervals), len(solves)
+    return plan_feedrate(load_curve(name), DRIVES, method=method, intervals=intervals), len(solves)
 
 
 def test_every_solve_is_counted_and_the_first_with_the_coarse_one(monkeypatch: pytest.MonkeyPatch) -> None:

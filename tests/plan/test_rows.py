@@ -3,6 +3,8 @@
 import mpmath
 import numpy as np
 import pytest
+from cases import DRIVES, drives, line_arc_line, mill
+from problems import laid_out
 from strategies import derivatives_of, oracle
 
 from planner.geometry.catalog import load_curve
@@ -11,11 +13,10 @@ from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
 from planner.machine.limits import Limits, chord_feed_limit
 from planner.machine.machine_file import load_limits
-from planner.plan.knots import place_knots, scan, with_blends
+from planner.plan.knots import scan
 from planner.plan.rows import acceleration_rows, build, jerk_rows, path_at, speed_cap
 from planner.plan.section import axis_weights, cut
 
-W = np.sqrt(0.5)
 TANGENTIAL = {"tangential_acceleration": 700.0, "tangential_jerk": 9000.0}
 LIMITS = Limits(120.0, [250.0, 200.0], [1000.0, 800.0], [20000.0, 30000.0], 1e-3, **TANGENTIAL)
 FORMULA = FormulaCurve({"X": "30*cos(u)+5*sin(3*u)", "Y": "18*sin(u)+u**2"}, (0.2, 3.0))
@@ -25,12 +26,10 @@ def exact_formula(u):
     return 30 * mpmath.cos(u) + 5 * mpmath.sin(3 * u), 18 * mpmath.sin(u) + u**2
 
 
-def problem_of(curve, limits, intervals=60, periodic=False, start_feed=0.0, end_feed=0.0):
-    (section,) = cut(curve, limits, start_feed, end_feed, exact_stop=False, periodic=periodic)
-    guess = scan(section, limits, intervals)
-    section = with_blends(section, guess)
-    grid = place_knots(section, guess, intervals)
-    constraints, path = build(section, limits, grid, guess, periodic=periodic)
+def rows_of(curve, limits, intervals=60, **options):
+    """Section, grid, and the arrays a solver sees with the path below them."""
+    section, guess, grid = laid_out(curve, limits, intervals, **options)
+    constraints, path = build(section, limits, grid, guess, periodic=options.get("periodic", False))
     return section, grid, constraints, path
 
 
@@ -60,7 +59,7 @@ def exact_rest_map(section, sigma):
 
 @pytest.fixture(scope="module")
 def formula_path():
-    section, grid, constraints, path = problem_of(FORMULA, LIMITS)
+    section, grid, constraints, path = rows_of(FORMULA, LIMITS)
     sigma = points_of(grid)
     derivatives = np.stack(
         [derivatives_of(lambda x: exact_formula(exact_rest_map(section, x)), s, 2) for s in sigma], axis=1
@@ -134,8 +133,8 @@ def test_last_rows_are_those_of_the_arc_length_of_the_tip(formula_path):
 @pytest.mark.parametrize("name", ["line and arc", "butterfly-nurbs"])
 def test_double_knots_hold_the_values_of_either_side(name):
     curve = line_arc_line() if name == "line and arc" else load_curve(name)
-    limits = Limits(120.0, [250.0, 250.0], [1000.0, 1000.0], [20000.0, 20000.0])
-    _, grid, _, path = problem_of(curve, limits, 100)
+    limits = drives(120.0)
+    _, grid, _, path = rows_of(curve, limits, 100)
     double = grid.left[:-1][:6]
     jumps = 0.0
     for k in double:
@@ -153,8 +152,8 @@ def test_double_knots_hold_the_values_of_either_side(name):
 
 def test_arc_length_coordinate_runs_at_unit_speed_in_its_weights():
     curve = load_curve("circle")
-    limits = Limits(120.0, [250.0, 250.0], [1000.0, 500.0], [20000.0, 20000.0])
-    section, grid, _, path = problem_of(curve, limits)
+    limits = drives(120.0, acceleration=[1000.0, 500.0])
+    section, grid, _, path = rows_of(curve, limits)
     assert section.arc is not None
     weighted = path.axes[1] * axis_weights(limits)
     slope = section.rest_map(points_of(grid))[1]
@@ -168,7 +167,7 @@ def test_arc_length_coordinate_runs_at_unit_speed_in_its_weights():
 @pytest.mark.parametrize("factor", [1000.0, 2.0**-20])
 def test_the_same_path_in_other_units_gives_the_same_arrays(name, intervals, factor):
     """Millimetres to micrometres, or any other unit of length."""
-    base = Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2, 1e-4, **TANGENTIAL)
+    base = mill(chord_error=1e-4, **TANGENTIAL)
     other = Limits(
         100.0 * factor,
         [250.0 * factor] * 2,
@@ -178,8 +177,8 @@ def test_the_same_path_in_other_units_gives_the_same_arrays(name, intervals, fac
         tangential_acceleration=700.0 * factor,
         tangential_jerk=9000.0 * factor,
     )
-    first = problem_of(load_curve(name), base, intervals)[2]
-    second = problem_of(load_curve(name, scale=factor), other, intervals)[2]
+    first = rows_of(load_curve(name), base, intervals)[2]
+    second = rows_of(load_curve(name, scale=factor), other, intervals)[2]
     # a power of two changes no digit; otherwise a knot near a stop is known to 1e-16 of the whole path only
     accuracy = 1e-12 if factor < 1.0 else 1e-7
     assert second.time_unit == pytest.approx(first.time_unit, rel=max(1e-12, 1e-3 * accuracy))
@@ -192,8 +191,8 @@ def test_the_same_path_in_other_units_gives_the_same_arrays(name, intervals, fac
 
 def test_the_same_motion_in_another_unit_of_time_gives_the_same_arrays():
     slow = Limits(10.0, [25.0] * 2, [10.0] * 2, [20.0] * 2, 1e-3, period=1e-2)
-    fast = Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2, 1e-3)
-    first, second = (problem_of(load_curve("teardrop"), limits)[2] for limits in (fast, slow))
+    fast = mill()
+    first, second = (rows_of(load_curve("teardrop"), limits)[2] for limits in (fast, slow))
     assert second.time_unit == pytest.approx(10.0 * first.time_unit, rel=1e-9)
     for field in ("h", "cap", "acceleration", "jerk", "guess"):
         assert getattr(second, field) == pytest.approx(getattr(first, field), rel=1e-7)
@@ -201,8 +200,8 @@ def test_the_same_motion_in_another_unit_of_time_gives_the_same_arrays():
 
 @pytest.mark.parametrize("name", ["teardrop", "circle", "flank"])
 def test_simpson_weights_add_up_to_the_length_and_integrate_cubics(name):
-    limits = load_limits("five-axis") if name == "flank" else Limits(100.0, [250.0] * 2, [1e3] * 2, [2e4] * 2)
-    section, grid, constraints, _ = problem_of(load_curve(name), limits)
+    limits = load_limits("five-axis") if name == "flank" else DRIVES
+    section, grid, constraints, _ = rows_of(load_curve(name), limits)
     assert constraints.weight.sum() * constraints.length_unit == pytest.approx(section.span, rel=1e-13)
     assert constraints.h.sum() * constraints.length_unit == pytest.approx(section.span, rel=1e-13)
     assert constraints.h[constraints.h > 0.0].mean() == pytest.approx(1.0)
@@ -211,7 +210,7 @@ def test_simpson_weights_add_up_to_the_length_and_integrate_cubics(name):
 
 
 def test_empty_intervals_carry_no_rows():
-    section, grid, constraints, _ = problem_of(load_curve("circle"), LIMITS)
+    section, grid, constraints, _ = rows_of(load_curve("circle"), LIMITS)
     empty = 2 * np.flatnonzero(np.diff(grid.sigma) == 0.0) + 1
     assert empty.size == section.curve._candidate_breaks().size > 0
     assert not constraints.acceleration[:, :, empty].any()
@@ -221,7 +220,7 @@ def test_empty_intervals_carry_no_rows():
 
 def test_rows_exist_for_finite_limits_only():
     some = Limits(np.inf, [np.inf, 100.0], [1000.0, np.inf], [np.inf, np.inf], tangential_jerk=5000.0)
-    section, grid, constraints, path = problem_of(FORMULA, some)
+    section, grid, constraints, path = rows_of(FORMULA, some)
     assert constraints.acceleration.shape[:2] == (1, 2)
     assert constraints.jerk.shape[:2] == (2, 3)
     # X has an acceleration limit and none of the jerk: in the rest blends, and only there, its ramp takes half a period
@@ -243,7 +242,7 @@ def test_rows_exist_for_finite_limits_only():
 
 def test_cap_is_the_smallest_of_feed_chord_and_velocities():
     limits = Limits(120.0, [90.0, 200.0], [1000.0, 800.0], [20000.0, 30000.0], 1e-5)
-    section, grid, constraints, _ = problem_of(FORMULA, limits)
+    section, grid, constraints, _ = rows_of(FORMULA, limits)
     sigma = points_of(grid)[5:-5]
     rest = section.rest_map(sigma)
     d = FORMULA.derivatives(rest[0], 2)
@@ -265,26 +264,26 @@ def test_cap_is_the_smallest_of_feed_chord_and_velocities():
 @pytest.mark.parametrize("name", ["teardrop", "circle"])
 def test_prescribed_feeds(name):
     curve = load_curve(name)
-    limits = Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2)
-    _, _, constraints, path = problem_of(curve, limits, start_feed=30.0, end_feed=20.0)
+    limits = DRIVES
+    _, _, constraints, path = rows_of(curve, limits, start=30.0, end=20.0)
     unit = constraints.length_unit / constraints.time_unit
     for value, at, feed in ((constraints.start, 0, 30.0), (constraints.end, -1, 20.0)):
         assert np.sqrt(value) * unit * np.sqrt(np.sum(path.axes[1, at] ** 2)) == pytest.approx(feed, rel=1e-14)
-    _, _, constraints, _ = problem_of(curve, limits, start_feed=30.0)
+    _, _, constraints, _ = rows_of(curve, limits, start=30.0)
     assert np.isnan(constraints.end)
 
 
 def test_at_rest_and_on_a_periodic_path_the_ends_are_free():
-    limits = Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2)
+    limits = DRIVES
     for periodic in (False, True):
-        _, _, constraints, _ = problem_of(load_curve("circle"), limits, periodic=periodic)
+        _, _, constraints, _ = rows_of(load_curve("circle"), limits, periodic=periodic)
         assert constraints.periodic is periodic
         assert np.isnan([constraints.start, constraints.end]).all()
 
 
 def test_velocity_and_acceleration_rows_vanish_at_a_stop():
     """The rest map takes the path through a stop at finite sigma_dot, at rest with no acceleration."""
-    _, _, constraints, path = problem_of(FORMULA, LIMITS)
+    _, _, constraints, path = rows_of(FORMULA, LIMITS)
     for end in (0, -1):
         assert not path.axes[1:3, end].any()
         assert np.abs(path.axes[3, end]).max() > 0.0
@@ -301,7 +300,7 @@ def test_where_the_tip_rests_only_the_axes_count():
     curve = NurbsCurve(points, knots, 3, axes=["X", "Y", "A"])
     rows = {"velocity": [250, 250, 2], "acceleration": [1000, 1000, 10], "jerk": [20000, 20000, 200]}
     limits = Limits(100.0, **rows, chord_error=1e-3, axes=["X", "Y", "A"], **TANGENTIAL)
-    _, grid, constraints, path = problem_of(curve, limits, 400)
+    _, grid, constraints, path = rows_of(curve, limits, 400)
     inside = np.flatnonzero((path.u[0] > 5.1) & (path.u[0] < 5.9))
     assert inside.size > 10
     assert not path.tip[1:, inside].any()
@@ -316,11 +315,6 @@ def test_where_the_tip_rests_only_the_axes_count():
 # ---- curvature jumps -----------------------------------------------------------------------------------------------
 
 
-def line_arc_line():
-    points = [[-20, 0], [-10, 0], [0, 0], [10, 0], [10, 10], [10, 20], [10, 30]]
-    return NurbsCurve(points, [0, 0, 0, 1, 1, 2, 2, 3, 3, 3], 2, [1, 1, 1, W, 1, 1, 1])
-
-
 def jerk_of_tangents(rows):
     """Size of the coefficients of c, over all axes, at every point."""
     return np.sqrt(np.sum(rows[:, 2] ** 2, axis=0))
@@ -328,8 +322,8 @@ def jerk_of_tangents(rows):
 
 @pytest.mark.parametrize("period", [2e-4, 1e-3, 5e-3])
 def test_a_curvature_jump_caps_the_step_of_the_acceleration(period):
-    limits = Limits(100.0, [250.0] * 2, [1000.0, 2000.0], [20000.0, 15000.0], period=period)
-    _, grid, constraints, path = problem_of(line_arc_line(), limits, 300)
+    limits = drives(acceleration=[1000.0, 2000.0], jerk=[20000.0, 15000.0], period=period)
+    _, grid, constraints, path = rows_of(line_arc_line(), limits, 300)
     unit = constraints.length_unit / constraints.time_unit
     for k in grid.left[:-1]:
         step = np.abs(path.axes[2, 2 * k + 2] - path.axes[2, 2 * k])
@@ -356,9 +350,9 @@ def smooth_path(spans, degree):
 
 def test_jumps_closer_than_a_few_periods_share_the_jerk():
     """Steps that meet in the samples add up, and the jerk beside them is halved once, not once for every jump."""
-    limits = Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2)
+    limits = DRIVES
     curve = smooth_path(1000, 2)
-    section, grid, constraints, path = problem_of(curve, limits, 1000)
+    section, grid, constraints, path = rows_of(curve, limits, 1000)
     assert len(section.jumps) > 900
     unit = constraints.length_unit / constraints.time_unit
     ours, plain = jerk_of_tangents(constraints.jerk), jerk_of_tangents(jerk_rows(limits, path))
@@ -382,7 +376,7 @@ def test_jumps_closer_than_a_few_periods_share_the_jerk():
 
 def test_path_at_reads_a_break_from_the_side_asked_for():
     curve = line_arc_line()
-    limits = Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2)
+    limits = DRIVES
     (section,) = cut(curve, limits, 0.0, 0.0, exact_stop=False)
     sigma = section.sigma(section.coordinate(np.array([1.0, 1.0])))
     path = path_at(section, limits, sigma, np.array([1.0, 1.0]), np.array([True, False]))

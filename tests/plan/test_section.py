@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cases import MILL, line_arc_line
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
@@ -15,9 +16,7 @@ from planner.geometry.nurbs import NurbsCurve
 from planner.machine.limits import Limits
 from planner.plan.section import Section, axis_weights, cut, evaluate, weighted_arclength
 
-MILL = Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2, 1e-3)
 ROTARY = Limits(100.0, [250, 250, 2], [1000, 1000, 10], [20000, 20000, 200], axes=["X", "Y", "A"])
-W = np.sqrt(0.5)
 
 
 def slope(r):
@@ -38,11 +37,6 @@ def line(length=10.0):
 def polyline(points):
     count = len(points)
     return NurbsCurve(points, [0, *range(count), count - 1], 1)
-
-
-def line_arc_line():
-    points = [[-20, 0], [-10, 0], [0, 0], [10, 0], [10, 10], [10, 20], [10, 30]]
-    return NurbsCurve(points, [0, 0, 0, 1, 1, 2, 2, 3, 3, 3], 2, [1, 1, 1, W, 1, 1, 1])
 
 
 # ---- the rest map --------------------------------------------------------------------------------------------------

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cases import drives, ellipse, line_arc_line, square
+from problems import laid_out
 from program_blocks import line as block
 from program_blocks import program, rapid
 from strategies import random_nurbs
@@ -16,9 +18,7 @@ from planner import Curve, FeedrateProfile, Limits, load_curve, load_limits, pla
 from planner.geometry.curve import FeedCaps
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
-from planner.plan.knots import place_knots, scan, with_blends
 from planner.plan.rows import build
-from planner.plan.section import cut
 from planner.plan.sensitivity import SpeedBound
 from planner.programs.path.path import program_path
 from planner.types import FloatArray
@@ -29,68 +29,54 @@ INTERVALS = 2000
 TOLERANCE = 0.03  # of the largest saving
 
 
-def plane(feed: float = 100.0, **changes: Any) -> Limits:
-    return Limits(feed, **({"velocity": [250.0] * 2, "acceleration": [1000.0] * 2, "jerk": [20000.0] * 2} | changes))
-
-
-def quadratic(*points: tuple[float, float]) -> Curve:
-    """A line, a quarter circle of radius 10 mm, and a line or another quarter circle: the curvature jumps."""
+def arc_into_arc() -> Curve:
+    """20 mm along Y, a quarter circle of radius 10 mm to the right and one to the left: the curvature jumps twice."""
+    points = [[0, -20], [0, -10], [0, 0], [0, 10], [10, 10], [20, 10], [20, 20]]
     w = np.sqrt(0.5)
-    last = 1.0 if points[-1][0] == points[-2][0] == points[-3][0] else w
-    return NurbsCurve(points, [0, 0, 0, 1, 1, 2, 2, 3, 3, 3], 2, [1, 1, 1, w, 1, last, 1])
+    return NurbsCurve(points, [0, 0, 0, 1, 1, 2, 2, 3, 3, 3], 2, [1, 1, 1, w, 1, w, 1])
 
 
 def blended(*blocks: Any) -> Curve:
-    return program_path(program(*blocks), 0.05, plane()).curve
+    return program_path(program(*blocks), 0.05, drives()).curve
 
 
-def square() -> Curve:
-    return NurbsCurve([[0, 0], [20, 0], [20, 20], [0, 20], [0, 0]], [0, 0, 1, 2, 3, 4, 4], 1)
-
-
-def ellipse() -> Curve:
-    return FormulaCurve({"X": "30*cos(u)", "Y": "10*sin(u)"}, (0.0, 2.0 * np.pi))
-
-
-ARC = ((-20, 0), (-10, 0), (0, 0), (10, 0), (10, 10), (10, 20), (10, 30))
-BEND = ((0, -20), (0, -10), (0, 0), (0, 10), (10, 10), (20, 10), (20, 20))
 BENDS = (block(40, 0), block(40, 20, feed=50.0), block(60, 30))
 Case = tuple[Curve, Limits, dict[str, Any]]
 CASES = {
-    "formula": lambda: (load_curve("snailshell", scale=10.0), plane(300.0), {}),
+    "formula": lambda: (load_curve("snailshell", scale=10.0), drives(300.0), {}),
     "five axes": lambda: (load_curve("flank"), load_limits("five-axis"), {}),
     "sharp nurbs": lambda: (
         load_curve("butterfly-nurbs"),
         Limits(250.0, FREE, [2000.0, 3000.0], [20000.0, 30000.0]),
         {},
     ),
-    "slow axis": lambda: (load_curve("butterfly", scale=10.0), plane(300.0, velocity=[80.0, 150.0]), {}),
-    "random": lambda: (random_nurbs(3, 4, 2, spans=3), plane(jerk=[15000.0, 9000.0]), {}),
+    "slow axis": lambda: (load_curve("butterfly", scale=10.0), drives(300.0, velocity=[80.0, 150.0]), {}),
+    "random": lambda: (random_nurbs(3, 4, 2, spans=3), drives(jerk=[15000.0, 9000.0]), {}),
     "three axes": lambda: (random_nurbs(5, 5, 3, spans=2), Limits(60.0, [90.0] * 3, [500.0] * 3, [5000.0] * 3), {}),
-    "line": lambda: (NurbsCurve([[0, 0], [30, 20]], [0, 0, 1, 1], 1), plane(), {}),
-    "corners": lambda: (square(), plane(jerk=[20000.0, 15000.0]), {}),
-    "jumps": lambda: (quadratic(*ARC), plane(jerk=[20000.0, 12000.0]), {}),
-    "jump from arc to arc": lambda: (quadratic(*BEND), plane(jerk=[20000.0, 12000.0]), {}),
-    "stops at jumps": lambda: (quadratic(*ARC), plane(), {"exact_stop": True}),
+    "line": lambda: (NurbsCurve([[0, 0], [30, 20]], [0, 0, 1, 1], 1), drives(), {}),
+    "corners": lambda: (square(20.0), drives(jerk=[20000.0, 15000.0]), {}),
+    "jumps": lambda: (line_arc_line(), drives(jerk=[20000.0, 12000.0]), {}),
+    "jump from arc to arc": lambda: (arc_into_arc(), drives(jerk=[20000.0, 12000.0]), {}),
+    "stops at jumps": lambda: (line_arc_line(), drives(), {"exact_stop": True}),
     "tangential": lambda: (
         load_curve("teardrop"),
-        plane(tangential_acceleration=300.0, tangential_jerk=4000.0),
+        drives(tangential_acceleration=300.0, tangential_jerk=4000.0),
         {},
     ),
-    "tangential jerk": lambda: (load_curve("teardrop"), plane(jerk=FREE, tangential_jerk=4000.0), {}),
-    "chord": lambda: (load_curve("teardrop"), plane(300.0, chord_error=1e-4), {}),
+    "tangential jerk": lambda: (load_curve("teardrop"), drives(jerk=FREE, tangential_jerk=4000.0), {}),
+    "chord": lambda: (load_curve("teardrop"), drives(300.0, chord_error=1e-4), {}),
     "chord as long as the radius": lambda: (
         FormulaCurve({"X": "u", "Y": "2*cos(4*u)"}, (0.0, 6.0)),
         Limits(np.inf, FREE, [20000.0] * 2, [2e6] * 2, chord_error=0.03, period=1e-2),  # radii from 0.031 mm
         {},
     ),
-    "periodic": lambda: (ellipse(), plane(300.0), {"periodic": True}),
-    "ramp": lambda: (ellipse(), plane(jerk=[20000.0, np.inf], period=5e-3), {}),
-    "feeds at the ends": lambda: (load_curve("teardrop"), plane(), {"start_feed": 30.0, "end_feed": 60.0}),
+    "periodic": lambda: (ellipse(), drives(300.0), {"periodic": True}),
+    "ramp": lambda: (ellipse(), drives(jerk=[20000.0, np.inf], period=5e-3), {}),
+    "feeds at the ends": lambda: (load_curve("teardrop"), drives(), {"start_feed": 30.0, "end_feed": 60.0}),
     "jerk alone": lambda: (ellipse(), Limits(np.inf, FREE, FREE, [20000.0, 8000.0]), {}),
-    "program": lambda: (blended(*BENDS), plane(80.0), {}),
-    "rapids": lambda: (blended(rapid(40, 0), block(60, 0, feed=50.0), rapid(100, 0)), plane(80.0, rapid=120.0), {}),
-    "programmed feed": lambda: (blended(block(40, 0, feed=60.0), block(60, 0, feed=20.0)), plane(150.0), {}),
+    "program": lambda: (blended(*BENDS), drives(80.0), {}),
+    "rapids": lambda: (blended(rapid(40, 0), block(60, 0, feed=50.0), rapid(100, 0)), drives(80.0, rapid=120.0), {}),
+    "programmed feed": lambda: (blended(block(40, 0, feed=60.0), block(60, 0, feed=20.0)), drives(150.0), {}),
 }
 
 
@@ -250,11 +236,9 @@ def test_at_a_jump_the_axis_across_the_path_has_the_step(angle: float, binding: 
     along = np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))])
     points = np.array([(-20, 0), (-10, 0), (0, 0), (10, 0), (10, 10.0 * turn)]) @ [along, [-along[1], along[0]]]
     curve = NurbsCurve(points, [0, 0, 0, 1, 1, 2, 2, 2], 2, [1, 1, 1, np.sqrt(0.5), 1])
-    limits = plane(500.0)
-    (section,) = cut(curve, limits, 0.0, 0.0, exact_stop=False)
-    guess = scan(section, limits, 40)
-    section = with_blends(section, guess)
-    problem, path = build(section, limits, place_knots(section, guess, 40), guess)
+    limits = drives(500.0)
+    section, guess, grid = laid_out(curve, limits, 40)
+    problem, path = build(section, limits, grid, guess)
     bound = SpeedBound.of(limits, path, problem, np.zeros(path.u.shape[1], dtype=np.int8))
     (jump,) = 2 * np.flatnonzero(problem.h == 0.0)
     names = [SpeedBound.names(curve.axes)[k] for k in bound.which[jump - 1 : jump + 4]]

@@ -5,6 +5,8 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from cases import DRIVES
+from problems import laid_out
 from scipy.integrate import quad
 from scipy.interpolate import CubicSpline
 
@@ -13,21 +15,14 @@ from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
 from planner.law import TimeNodes, joined
 from planner.machine.limits import Limits
-from planner.plan.knots import place_knots, scan, with_blends
 from planner.plan.rows import Parameter, build
-from planner.plan.section import cut
 from planner.plan.speed_law import SpeedLaw, _advance, _in_step
 from planner.plan.utilisation import utilisation
 
-MILL = Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2)
 
-
-def law_on(curve, seed=0, intervals=40, limits=MILL):
+def law_on(curve, seed=0, intervals=40, limits=DRIVES):
     """A random positive spline x(sigma) on the grid of a curve; returns section, path, law, and x as a function."""
-    (section,) = cut(curve, limits, 0.0, 0.0, exact_stop=False)
-    guess = scan(section, limits, intervals)
-    section = with_blends(section, guess)
-    grid = place_knots(section, guess, intervals)
+    section, guess, grid = laid_out(curve, limits, intervals)
     _, path = build(section, limits, grid, guess)
     distinct = np.unique(grid.sigma)
     heights = np.random.default_rng(seed).uniform(1.0, 3.0, 8)

@@ -2,15 +2,15 @@
 
 import numpy as np
 import pytest
+from cases import DRIVES, DRIVES_XYZ, drives
 from program_blocks import line, program
 
-from planner import Limits, check, load_curve, plan_feedrate
+from planner import check, load_curve, plan_feedrate
 from planner.geometry.nurbs import NurbsCurve
 from planner.plan.section import axis_weights
 from planner.plan.stops import smallest_radius, tight_bends
 from planner.programs.path.path import program_path
 
-LIMITS = Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2)
 ONES = np.ones(2)
 
 
@@ -28,21 +28,21 @@ def near_cusp(gap):
 
 
 def test_smallest_radius_follows_from_acceleration_and_jerk():
-    assert smallest_radius(LIMITS, ONES) == pytest.approx(8e-4 * 1000.0**3 / 20000.0**2)
-    free = Limits(100.0, [250.0] * 2, [np.inf] * 2, [20000.0] * 2)
+    assert smallest_radius(DRIVES, ONES) == pytest.approx(8e-4 * 1000.0**3 / 20000.0**2)
+    free = drives(acceleration=np.inf)
     assert smallest_radius(free, ONES) == 0.0
 
 
 @pytest.mark.parametrize("radius", [1e-3, 1e-5, 1e-7])
 def test_the_tip_of_a_sharp_parabola_is_a_corner(radius):
-    (bend,) = tight_bends(parabola(radius), LIMITS, ONES)
+    (bend,) = tight_bends(parabola(radius), DRIVES, ONES)
     assert bend.u == pytest.approx(0.5, abs=1e-7)
     assert bend.radius == pytest.approx(radius, rel=1e-4)
 
 
 @pytest.mark.parametrize("radius", [2.5e-3, 0.1])
 def test_a_rounder_one_is_not(radius):
-    assert tight_bends(parabola(radius), LIMITS, ONES) == []
+    assert tight_bends(parabola(radius), DRIVES, ONES) == []
 
 
 def test_between_samples_too():
@@ -54,13 +54,13 @@ def test_between_samples_too():
         curve = NurbsCurve(points, knots, 3)
         u = np.linspace(0.0, 1.0, 400_001)
         sharpest = float(curve.curvature(u).max())
-        found = tight_bends(curve, LIMITS, ONES)
-        assert bool(found) == (1.0 / sharpest < smallest_radius(LIMITS, ONES))
+        found = tight_bends(curve, DRIVES, ONES)
+        assert bool(found) == (1.0 / sharpest < smallest_radius(DRIVES, ONES))
 
 
 def test_a_fillet_that_is_a_span_of_its_own_is_passed():
     """A right angle of 20 mm legs rounded within 1 um: the radius is 1.5 um, and stopping would cost 10 ms."""
-    machine = Limits(100.0, [250.0] * 3, [1000.0] * 3, [20000.0] * 3, axes=("X", "Y", "Z"))
+    machine = DRIVES_XYZ
     curve = program_path(program(line(20, 0), line(20, 20)), 1e-3, machine).curve
     limits = machine.for_curve(curve)
     sharpest = float(curve.curvature(np.linspace(*curve.domain, 2_000_001)).max())
@@ -70,27 +70,27 @@ def test_a_fillet_that_is_a_span_of_its_own_is_passed():
 
 
 def test_two_peaks_of_one_bend_count_once():
-    (bend,) = tight_bends(near_cusp(1e-4), LIMITS, ONES)
+    (bend,) = tight_bends(near_cusp(1e-4), DRIVES, ONES)
     assert bend.u == pytest.approx(0.5, abs=1e-3)
 
 
 @pytest.mark.parametrize("name", ["teardrop", "butterfly", "hypotrochoid", "snailshell", "circle", "butterfly-nurbs"])
 def test_the_named_curves_have_none(name):
-    assert tight_bends(load_curve(name, scale=10.0), LIMITS, ONES) == []
+    assert tight_bends(load_curve(name, scale=10.0), DRIVES, ONES) == []
 
 
 def test_weighted_as_the_drives_feel_it():
     """An axis with a tenth of the acceleration makes ten times the length."""
-    slow = Limits(100.0, [250.0] * 2, [1000.0, 100.0], [20000.0, 2000.0])
+    slow = drives(acceleration=[1000.0, 100.0], jerk=[20000.0, 2000.0])
     assert axis_weights(slow).tolist() == [1.0, 10.0]
     assert len(tight_bends(parabola(1e-2), slow, axis_weights(slow))) == 1
 
 
 def test_a_plan_stops_there_and_says_so():
     curve = parabola(1e-5)
-    profile = plan_feedrate(curve, LIMITS)
-    (bend,) = tight_bends(curve, LIMITS, ONES)
+    profile = plan_feedrate(curve, DRIVES)
+    (bend,) = tight_bends(curve, DRIVES, ONES)
     assert profile.feed[np.searchsorted(profile.u, bend.u)] == 0.0
     assert "exact stop at u = 0.5, a bend of 1e-05 mm radius" in profile.notes
     assert profile.work.slowdown < 1.002
-    assert check(curve, LIMITS, profile).ok
+    assert check(curve, DRIVES, profile).ok

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from cases import drives
 from program_blocks import line as block
 from program_blocks import program
 from strategies import random_nurbs
@@ -117,7 +118,7 @@ def test_utilisation_of_every_kind_of_limit(name, some):
 @pytest.mark.parametrize("seed", range(8))
 def test_the_peak_that_decides_is_found(seed):
     curve = random_nurbs(seed, 3, 2)
-    limits = Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2, **EVERY_LIMIT)
+    limits = drives(**EVERY_LIMIT)
     nodes = random_law(curve, seed, 60)
     slowdown = utilisation(curve, limits, nodes).slowdown
     speed, acceleration, jerk = by_brute_force(curve, limits, nodes)
@@ -243,7 +244,7 @@ def test_a_law_that_falls_back_says_how_fast():
 
 def test_feeds_that_the_path_commands_are_those_of_each_interval():
     blocks = (block(4, 0, feed=2.0), block(5, 0, feed=4.0), block(10, 0, feed=8.0))
-    path = program_path(program(*blocks), 0.01, Limits(np.inf, [250.0] * 2, [1000.0] * 2, [20000.0] * 2)).curve
+    path = program_path(program(*blocks), 0.01, drives(np.inf)).curve
     free = Limits(5.0, *[[np.inf] * path.dim] * 3, axes=path.axes)
     u = np.arange(11.0)
     used = utilisation(path, free, TimeNodes(u, u, np.ones(11), np.zeros(11)))

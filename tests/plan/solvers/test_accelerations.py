@@ -3,14 +3,12 @@
 import numpy as np
 import program_blocks
 import pytest
-from cases import PROGRAMS
+from cases import FEEDS, OPTIMA, PROGRAMS, drives, ellipse, line, velocity_time
 from program_blocks import program
-from scipy.integrate import quad
 from strategies import random_nurbs
 
 from planner import check, load_curve, load_limits, plan_feedrate, read_program
 from planner.errors import InfeasibleError
-from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
 from planner.machine.limits import Limits
 from planner.plan.solvers import accelerations
@@ -20,12 +18,8 @@ from planner.status import Status
 INF = np.inf
 
 
-def limits_of(feed=100.0, velocity=250.0, acceleration=1000.0, jerk=INF, dim=2, **more):
-    return Limits(feed, [velocity] * dim, [acceleration] * dim, [jerk] * dim, **more)
-
-
-def line(length):
-    return NurbsCurve([[0.0, 0.0], [length, 0.0]], [0, 0, 1, 1], 1)
+def limits_of(feed=100.0, **changes):
+    return drives(feed, **({"jerk": INF} | changes))
 
 
 def planned(curve, limits, **options):
@@ -56,14 +50,9 @@ def test_feeds_that_no_plan_joins_are_infeasible(start, end):
 
 def test_velocities_alone_are_used_up_everywhere():
     """With nothing but velocity limits the time is the integral of the slowest axis' share."""
-    curve = FormulaCurve({"X": "30*cos(u)", "Y": "10*sin(u)"}, (0.0, 2.0 * np.pi))
+    curve = ellipse()
     limits = Limits(INF, [60.0, 25.0], [INF] * 2, [INF] * 2)
-
-    def slowest(u):
-        return max(30.0 * abs(np.sin(u)) / 60.0, 10.0 * abs(np.cos(u)) / 25.0)
-
-    corners = np.arctan(0.8) + 0.5 * np.pi * np.arange(5)
-    exact = 4.0 * quad(slowest, 0.0, 0.5 * np.pi, points=[corners[0]], epsabs=1e-12)[0]
+    exact = velocity_time(30.0, 10.0, 60.0, 25.0)
     assert planned(curve, limits).duration == pytest.approx(exact, rel=1e-4)
 
 
@@ -101,13 +90,8 @@ def test_a_rotary_axis_turns_while_the_tip_rests():
     assert planned(curve, limits).duration == pytest.approx(0.5 + 0.2, rel=1e-6)
 
 
-CASES = [(name, scale, feed) for name, scale in (
-    ("teardrop", 1.0), ("butterfly", 10.0), ("hypotrochoid", 10.0), ("snailshell", 10.0), ("circle", 1.0),
-    ("butterfly-nurbs", 1.0),
-) for feed in (100.0, 300.0)]  # fmt: skip
-
-
-@pytest.mark.parametrize(("name", "scale", "feed"), CASES)
+@pytest.mark.parametrize("feed", FEEDS)
+@pytest.mark.parametrize(("name", "scale"), [*OPTIMA, ("butterfly-nurbs", 1.0)])
 def test_sixteen_times_the_intervals_gain_nothing(name, scale, feed):
     curve, limits = load_curve(name, scale=scale), limits_of(feed, chord_error=1e-3)
     finer = plan_feedrate(curve, limits, intervals=16_000).duration
@@ -215,7 +199,7 @@ def test_toppra_says_nothing_of_a_slowing_down_that_was_none():
 
 def test_a_reserve_is_left_without_a_jerk_limit_too():
     curve = load_curve("butterfly", scale=10.0)
-    limits = Limits(100.0, [250.0] * 2, [1000.0] * 2, [np.inf] * 2)
+    limits = limits_of()
     middle = 0.5 * sum(curve.domain)
     profile = plan_feedrate(curve, limits, reserve=[(middle, 0.2)])
     law = profile.at(np.linspace(0.0, profile.duration, 20_001))

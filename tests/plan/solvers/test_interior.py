@@ -6,8 +6,10 @@ from time import perf_counter
 
 import numpy as np
 import pytest
+from cases import drives, ellipse, line, s_curve_time
 from hypothesis import Phase, assume, given, settings
 from hypothesis import strategies as st
+from problems import problem_of
 from strategies import insert_knot, random_nurbs
 
 from interp import replay
@@ -17,22 +19,11 @@ from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
 from planner.machine.limits import Limits
 from planner.plan import plan_feedrate
-from planner.plan.knots import place_knots, scan, with_blends
-from planner.plan.rows import build
-from planner.plan.section import cut
 from planner.plan.solvers import interior as optimal
 from planner.status import Status
 from planner.verify import check
 
 FREE = np.inf
-
-
-def limits_of(feed=100.0, velocity=250.0, acceleration=1000.0, jerk=20000.0, dim=2, **more):
-    return Limits(feed, [velocity] * dim, [acceleration] * dim, [jerk] * dim, **more)
-
-
-def line(*end):
-    return NurbsCurve([np.zeros(len(end)), end], [0, 0, 1, 1], 1, name="line")
 
 
 def reversed_nurbs(curve):
@@ -44,13 +35,6 @@ def reversed_nurbs(curve):
 
 def moved_parameter(curve, factor, shift):
     return NurbsCurve(curve.control_points, factor * curve.knots + shift, curve.degree, curve.weights, curve.axes)
-
-
-def problem_of(curve, limits, intervals=100, periodic=False, **feeds):
-    (section,) = cut(curve, limits, feeds.get("start", 0.0), feeds.get("end", 0.0), exact_stop=False, periodic=periodic)
-    guess = scan(section, limits, intervals)
-    section = with_blends(section, guess)
-    return build(section, limits, place_knots(section, guess, intervals), guess, periodic=periodic)[0]
 
 
 def solved(problem, **options):
@@ -80,27 +64,17 @@ def shares(problem, z):
 # ---- closed forms --------------------------------------------------------------------------------------------------
 
 
-def s_curve_time(length, feed, acceleration, jerk):
-    """Rest to rest along a line: seven phases, or fewer where the line is too short for feed or acceleration."""
-    lo, hi = 0.0, feed
-    for _ in range(200):
-        top = 0.5 * (lo + hi)
-        ramp = top / acceleration + acceleration / jerk if top * jerk > acceleration**2 else 2.0 * np.sqrt(top / jerk)
-        lo, hi = (top, hi) if top * ramp < length else (lo, top)
-    return float(2.0 * ramp + max(0.0, length - top * ramp) / top)
-
-
 @pytest.mark.parametrize("length", [1e-6, 0.05, 1.0, 4.9, 5.1, 14.0, 16.0, 60.0])
 def test_a_line_takes_the_time_of_the_s_curve(length):
     """5 mm reach 1000 mm/s^2 just so, 15 mm reach 100 mm/s."""
     exact = s_curve_time(length, 100.0, 1000.0, 20000.0)
-    found = plan_feedrate(line(length, 0.0), limits_of()).duration
+    found = plan_feedrate(line(length, 0.0), drives()).duration
     assert exact * (1.0 - 1e-7) <= found <= exact * (1.0 + 1e-4)
 
 
 @pytest.mark.parametrize("length", [1e-3, 1.0, 1e5])
 def test_a_line_limited_by_jerk_alone(length):
-    found = plan_feedrate(line(length, 0.0), limits_of(FREE, FREE, FREE, 20000.0)).duration
+    found = plan_feedrate(line(length, 0.0), drives(FREE, velocity=FREE, acceleration=FREE)).duration
     assert found == pytest.approx(np.cbrt(32.0 * length / 20000.0), rel=5e-5)
 
 
@@ -114,16 +88,16 @@ def test_the_axis_that_needs_longest_decides_on_a_slanted_line():
 
 @pytest.mark.parametrize("feed", [50.0, 130.0])
 def test_a_circle_run_continuously(feed):
-    circle = FormulaCurve({"X": "20*cos(u)", "Y": "20*sin(u)"}, (0.0, 2.0 * np.pi))
-    profile = plan_feedrate(circle, limits_of(feed), periodic=True)
+    circle = ellipse(20.0, 20.0)
+    profile = plan_feedrate(circle, drives(feed), periodic=True)
     assert profile.duration == pytest.approx(40.0 * np.pi / feed, rel=5e-6)
     assert profile.feed == pytest.approx(np.full(profile.feed.size, feed), rel=1e-5)
 
 
 def test_a_circle_too_fast_for_its_curvature_is_run_at_the_feed_the_axes_allow():
     """At constant feed v on a radius r the axes feel v^2 / r; the path may use the other axis where one is spent."""
-    circle = FormulaCurve({"X": "20*cos(u)", "Y": "20*sin(u)"}, (0.0, 2.0 * np.pi))
-    profile = plan_feedrate(circle, limits_of(300.0), periodic=True)
+    circle = ellipse(20.0, 20.0)
+    profile = plan_feedrate(circle, drives(300.0), periodic=True)
     assert profile.duration < 40.0 * np.pi / np.sqrt(20.0 * 1000.0)
     assert profile.feed.min() >= np.sqrt(20.0 * 1000.0) * (1.0 - 1e-4)
 
@@ -131,17 +105,15 @@ def test_a_circle_too_fast_for_its_curvature_is_run_at_the_feed_the_axes_allow()
 # ---- the discretised problem ---------------------------------------------------------------------------------------
 
 PROBLEMS = {
-    "teardrop": lambda: problem_of(load_curve("teardrop"), limits_of(300.0)),
-    "circle": lambda: problem_of(load_curve("circle"), limits_of()),
-    "butterfly-nurbs": lambda: problem_of(load_curve("butterfly-nurbs"), limits_of(250.0), 300),
+    "teardrop": lambda: problem_of(load_curve("teardrop"), drives(300.0)),
+    "circle": lambda: problem_of(load_curve("circle"), drives()),
+    "butterfly-nurbs": lambda: problem_of(load_curve("butterfly-nurbs"), drives(250.0), 300),
     "tangential": lambda: problem_of(
-        load_curve("teardrop"), limits_of(tangential_acceleration=300.0, tangential_jerk=4000.0)
+        load_curve("teardrop"), drives(tangential_acceleration=300.0, tangential_jerk=4000.0)
     ),
-    "feeds at the ends": lambda: problem_of(load_curve("teardrop"), limits_of(), start=30.0, end=60.0),
-    "closed": lambda: problem_of(
-        FormulaCurve({"X": "30*cos(u)", "Y": "10*sin(u)"}, (0.0, 2.0 * np.pi)), limits_of(), periodic=True
-    ),
-    "jerk alone": lambda: problem_of(line(10.0, 5.0), limits_of(FREE, FREE, FREE)),
+    "feeds at the ends": lambda: problem_of(load_curve("teardrop"), drives(), start=30.0, end=60.0),
+    "closed": lambda: problem_of(ellipse(), drives(), periodic=True),
+    "jerk alone": lambda: problem_of(line(10.0, 5.0), drives(FREE, velocity=FREE, acceleration=FREE)),
 }
 
 
@@ -259,7 +231,7 @@ def test_progress_is_told_and_ends_complete():
 
 def test_feeds_that_cannot_be_joined_are_an_error():
     with pytest.raises(SolverError, match="may not be attainable"):
-        solved(problem_of(line(1.0, 0.0), limits_of(), start=90.0, end=5.0))
+        solved(problem_of(line(1.0, 0.0), drives(), start=90.0, end=5.0))
 
 
 def test_another_start_leads_to_the_same_optimum():
@@ -354,7 +326,7 @@ def test_millimetres_to_kilometres_or_micrometres(factor):
     curve, scaled = load_curve("teardrop"), load_curve("teardrop", scale=factor)
     k = factor
     other = Limits(100 * k, [250 * k] * 2, [1000 * k] * 2, [20000 * k] * 2, chord_error=1e-3 * k)
-    assert duration(scaled, other) == pytest.approx(duration(curve, limits_of(chord_error=1e-3)), rel=1e-9)
+    assert duration(scaled, other) == pytest.approx(duration(curve, drives(chord_error=1e-3)), rel=1e-9)
 
 
 @settings(max_examples=4, phases=NO_SHRINKING)
@@ -441,7 +413,7 @@ def test_a_path_of_short_spans_with_small_curvature_jumps(spans):
         knots = [*[0.0] * degree, *np.linspace(0.0, 1.0, spans + 1), *[1.0] * degree]
         return NurbsCurve(points, knots, degree)
 
-    limits = limits_of(chord_error=1e-3)
+    limits = drives(chord_error=1e-3)
     profile = plan_feedrate(wave(2), limits)
     report = check(profile.curve, limits, profile)
     assert report.ok, str(report)
@@ -457,7 +429,7 @@ def test_a_path_of_short_spans_with_small_curvature_jumps(spans):
 def test_curvature_jumps_in_quick_succession(spans, period, intervals):
     """The feed falls to a fraction and rises again within a fraction of an interval of the wanted grid."""
     curve = random_nurbs(1, 2, 2, spans=spans)
-    limits = limits_of(period=period)
+    limits = drives(period=period)
     profile = plan_feedrate(curve, limits, intervals=intervals)
     report = check(curve, limits, profile)
     assert report.ok, str(report)
@@ -514,7 +486,7 @@ def test_feeds_at_the_ends_are_kept_exactly(seed, start, end):
 @pytest.mark.parametrize("feed", [1.0, 10.0, 99.0, 100.0])
 def test_a_line_entered_at_speed(feed):
     """With the acceleration free at the start it runs into the S-curve that brakes, at once or after some time."""
-    profile = plan_feedrate(line(60.0, 0.0), limits_of(), start_feed=feed)
+    profile = plan_feedrate(line(60.0, 0.0), drives(), start_feed=feed)
     at_rest = s_curve_time(60.0, 100.0, 1000.0, 20000.0)
     ramp = 0.5 * (at_rest - (60.0 - 100.0 * 0.15) / 100.0)
     assert ramp == pytest.approx(0.15)
@@ -534,7 +506,7 @@ def test_a_line_entered_at_speed(feed):
 def test_a_closed_path_takes_as_long_from_wherever_it_is_entered(start):
     text = {"X": "30*cos(2*pi*u)", "Y": "10*sin(2*pi*u)"}
     curve = FormulaCurve(text, (start, start + 1.0))
-    limits = limits_of()
+    limits = drives()
     profile = plan_feedrate(curve, limits, periodic=True)
     reference = plan_feedrate(FormulaCurve(text, (0.0, 1.0)), limits, periodic=True, intervals=3000)
     assert profile.duration == pytest.approx(reference.duration, rel=2e-4)
@@ -544,7 +516,7 @@ def test_a_closed_path_takes_as_long_from_wherever_it_is_entered(start):
 
 
 def test_a_closed_path_whose_parameter_jumps_at_the_seam():
-    limits = limits_of()
+    limits = drives()
     even = FormulaCurve({"X": "20*cos(2*pi*u)", "Y": "10*sin(2*pi*u)"}, (0.0, 1.0))
     uneven = FormulaCurve({"X": "20*cos(pi*(u+u**2))", "Y": "10*sin(pi*(u+u**2))"}, (0.0, 1.0))
     first, second = (plan_feedrate(curve, limits, periodic=True) for curve in (even, uneven))
@@ -556,7 +528,7 @@ def test_a_closed_path_whose_parameter_jumps_at_the_seam():
 def test_corners_join_sections_from_stop_to_stop():
     corners = [[0.0, 0.0], [20.0, 0.0], [20.0, 7.0], [3.0, 7.0], [3.0, 3.0]]
     curve = NurbsCurve(corners, [0, 0, 1, 2, 3, 4, 4], 1)
-    profile = plan_feedrate(curve, limits_of())
+    profile = plan_feedrate(curve, drives())
     sides = [float(np.abs(np.subtract(a, b)).sum()) for a, b in pairwise(corners)]
     exact = sum(s_curve_time(side, 100.0, 1000.0, 20000.0) for side in sides)
     assert profile.duration == pytest.approx(exact, rel=1e-4)
@@ -572,23 +544,23 @@ def test_corners_join_sections_from_stop_to_stop():
 
 
 def test_an_axis_without_limits():
-    ellipse = FormulaCurve({"X": "30*cos(u)", "Y": "10*sin(u)"}, (0.0, 2.0 * np.pi))
+    curve = ellipse()
     limits = Limits(100.0, [FREE, 250.0], [FREE, 1000.0], [FREE, 20000.0])
-    profile = plan_feedrate(ellipse, limits)
-    report = check(ellipse, limits, profile)
+    profile = plan_feedrate(curve, limits)
+    report = check(curve, limits, profile)
     assert report.ok, str(report)
     assert profile.feed[[0, -1]].tolist() == [0.0, 0.0]
-    assert profile.duration <= plan_feedrate(ellipse, limits_of()).duration * (1.0 + 5e-4)
+    assert profile.duration <= plan_feedrate(curve, drives()).duration * (1.0 + 5e-4)
 
 
 def test_an_axis_without_a_jerk_limit():
     """X, which does not move at the start."""
-    ellipse = FormulaCurve({"X": "30*cos(u)", "Y": "10*sin(u)"}, (0.0, 2.0 * np.pi))
+    curve = ellipse()
     limits = Limits(100.0, [250.0] * 2, [1000.0] * 2, [FREE, 20000.0])
-    profile = plan_feedrate(ellipse, limits)
-    report = check(ellipse, limits, profile)
+    profile = plan_feedrate(curve, limits)
+    report = check(curve, limits, profile)
     assert report.ok, str(report)
-    assert profile.duration <= plan_feedrate(ellipse, limits_of()).duration * (1.0 + 5e-4)
+    assert profile.duration <= plan_feedrate(curve, drives()).duration * (1.0 + 5e-4)
 
 
 @pytest.mark.parametrize(
@@ -609,11 +581,11 @@ def test_an_axis_without_a_jerk_limit():
     ],
 )
 def test_any_selection_of_limits_binds(feed, velocity, acceleration, jerk, more, binding):
-    ellipse = FormulaCurve({"X": "30*cos(u)", "Y": "10*sin(u)"}, (0.0, 2.0 * np.pi))
-    limits = limits_of(feed, velocity, acceleration, jerk, **more)
-    profile = plan_feedrate(ellipse, limits)
+    curve = ellipse()
+    limits = drives(feed, velocity=velocity, acceleration=acceleration, jerk=jerk, **more)
+    profile = plan_feedrate(curve, limits)
     assert binding <= set(profile.shares())
-    report = check(ellipse, limits, profile)
+    report = check(curve, limits, profile)
     assert report.ok, str(report)
     assert max(row.ratio for row in report.rows if np.isfinite(row.ratio)) >= 0.99
 

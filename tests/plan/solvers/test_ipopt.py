@@ -2,30 +2,19 @@
 
 import numpy as np
 import pytest
+from cases import MILL, drives, ellipse
+from problems import problem_of
 from strategies import random_nurbs
 
 from planner.errors import SolverError
 from planner.geometry.catalog import load_curve
-from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
 from planner.machine.limits import Limits
 from planner.plan import plan_feedrate
-from planner.plan.knots import place_knots, scan, with_blends
-from planner.plan.rows import build
-from planner.plan.section import cut
 from planner.plan.solvers import interior as optimal
 from planner.plan.solvers import ipopt as nlp
 from planner.status import Status
 from planner.verify import check
-
-MILL = Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2, 1e-3)
-
-
-def problem_of(curve, limits, intervals, periodic=False, start=0.0, end=0.0):
-    (section,) = cut(curve, limits, start, end, exact_stop=False, periodic=periodic)
-    guess = scan(section, limits, intervals)
-    section = with_blends(section, guess)
-    return build(section, limits, place_knots(section, guess, intervals), guess, periodic=periodic)[0]
 
 
 def both(problem):
@@ -45,18 +34,17 @@ def test_both_solvers_find_the_same_optimum_on_random_paths(seed):
     assert ours.x == pytest.approx(reference.x, rel=2e-2, abs=1e-3 * reference.x.max())
 
 
-ELLIPSE = FormulaCurve({"X": "30*cos(u)", "Y": "10*sin(u)"}, (0.0, 2.0 * np.pi))
 VARIANTS = {
     "tangential limits": lambda: problem_of(
         load_curve("teardrop"),
-        Limits(100.0, [250] * 2, [1000] * 2, [20000] * 2, tangential_acceleration=300, tangential_jerk=4000),
+        drives(tangential_acceleration=300.0, tangential_jerk=4000.0),
         80,
     ),
     "feeds at the ends": lambda: problem_of(load_curve("teardrop"), MILL, 80, start=30.0, end=60.0),
-    "closed": lambda: problem_of(ELLIPSE, MILL, 80, periodic=True),
+    "closed": lambda: problem_of(ellipse(), MILL, 80, periodic=True),
     "double knots": lambda: problem_of(load_curve("circle"), MILL, 80),
-    "jerk alone": lambda: problem_of(ELLIPSE, Limits(np.inf, [np.inf] * 2, [np.inf] * 2, [20000] * 2), 80),
-    "one jerk": lambda: problem_of(ELLIPSE, Limits(100.0, [250] * 2, [1000] * 2, [np.inf, 20000]), 80),
+    "jerk alone": lambda: problem_of(ellipse(), drives(np.inf, velocity=np.inf, acceleration=np.inf), 80),
+    "one jerk": lambda: problem_of(ellipse(), drives(jerk=[np.inf, 20000.0]), 80),
 }
 
 

@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
-from scipy.integrate import quad
+from cases import FEEDS, OPTIMA, drives, ellipse, line, mill, velocity_time
 from strategies import random_nurbs
 
 from planner.errors import FeedrateError
 from planner.geometry.catalog import load_curve
-from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
 from planner.machine.limits import Limits
 from planner.plan import plan_feedrate
@@ -23,14 +22,6 @@ JERKS = {
 }
 
 
-def limits_of(feed=100.0, velocity=250.0, acceleration=1000.0, jerk=20000.0, dim=2, **more):
-    return Limits(feed, [velocity] * dim, [acceleration] * dim, [jerk] * dim, **more)
-
-
-def line(length):
-    return NurbsCurve([[0.0, 0.0], [length, 0.0]], [0, 0, 1, 1], 1)
-
-
 def without_jerk(curve, limits, **options):
     return plan_feedrate(curve, limits, method="toppra", **options)
 
@@ -43,14 +34,14 @@ def keeps_all_but_jerk(curve, limits, profile):
 @pytest.mark.parametrize("length", [1e-6, 1.0, 9.9, 10.1, 200.0, 1e6])
 def test_a_line_is_run_by_the_trapezoid(length):
     exact = 2.0 * np.sqrt(length / 1000.0) if length < 10.0 else length / 100.0 + 0.1
-    profile = without_jerk(line(length), limits_of())
+    profile = without_jerk(line(length), drives())
     assert profile.duration == pytest.approx(exact, rel=1e-4)
-    assert keeps_all_but_jerk(line(length), limits_of(), profile)
+    assert keeps_all_but_jerk(line(length), drives(), profile)
     assert profile.feed.max() == pytest.approx(min(100.0, np.sqrt(1000.0 * length)), rel=1e-3)
 
 
 def test_feeds_at_the_ends_of_a_line():
-    profile = without_jerk(line(50.0), limits_of(), start_feed=60.0, end_feed=20.0)
+    profile = without_jerk(line(50.0), drives(), start_feed=60.0, end_feed=20.0)
     way = (100.0**2 - 60.0**2 + 100.0**2 - 20.0**2) / 2000.0
     assert profile.duration == pytest.approx(0.04 + 0.08 + (50.0 - way) / 100.0, rel=1e-6)
     assert profile.feed[[0, -1]] == pytest.approx([60.0, 20.0], rel=1e-12)
@@ -58,35 +49,21 @@ def test_feeds_at_the_ends_of_a_line():
 
 def test_the_ends_that_no_plan_joins_are_infeasible():
     with pytest.raises(FeedrateError):
-        without_jerk(line(1.0), limits_of(), start_feed=90.0)
+        without_jerk(line(1.0), drives(), start_feed=90.0)
 
 
 def test_velocities_alone_are_used_up_everywhere():
     """With nothing but velocity limits the time is the integral of the slowest axis' share."""
-    curve = FormulaCurve({"X": "30*cos(u)", "Y": "10*sin(u)"}, (0.0, 2.0 * np.pi))
+    curve = ellipse()
     limits = Limits(INF, [60.0, 25.0], [INF] * 2, [INF] * 2)
-
-    def slowest(u):
-        return max(30.0 * abs(np.sin(u)) / 60.0, 10.0 * abs(np.cos(u)) / 25.0)
-
-    corners = np.arctan(0.8) + 0.5 * np.pi * np.arange(5)
-    exact = 4.0 * quad(slowest, 0.0, 0.5 * np.pi, points=[corners[0]], epsabs=1e-12)[0]
+    exact = velocity_time(30.0, 10.0, 60.0, 25.0)
     assert without_jerk(curve, limits).duration == pytest.approx(exact, rel=3e-3)
 
 
-@pytest.mark.parametrize(
-    ("name", "scale", "times"),
-    [
-        ("teardrop", 1.0, (1.0903, 0.8506)),
-        ("butterfly", 10.0, (4.0856, 3.2169)),
-        ("hypotrochoid", 10.0, (7.0615, 3.5830)),
-        ("snailshell", 10.0, (1.7260, 1.5099)),
-        ("circle", 1.0, (3.2414, 1.5973)),
-    ],
-)
-def test_reference_times(name, scale, times):
-    for feed, time in zip((100.0, 300.0), times, strict=True):
-        limits = limits_of(feed, chord_error=1e-3)
+@pytest.mark.parametrize(("name", "scale"), OPTIMA)
+def test_reference_times(name, scale):
+    for feed, time in zip(FEEDS, OPTIMA[name, scale].without_jerk, strict=True):
+        limits = mill(feed)
         profile = without_jerk(load_curve(name, scale=scale), limits)
         assert profile.duration == pytest.approx(time, rel=2e-3)
         assert profile.lower_bound == pytest.approx(time, rel=2e-3)
@@ -109,8 +86,8 @@ def test_no_plan_with_a_jerk_limit_is_faster(seed):
 
 def test_the_limit_of_a_high_jerk_is_the_plan_without_one():
     curve = load_curve("teardrop")
-    reference = without_jerk(curve, limits_of()).duration
-    times = [plan_feedrate(curve, limits_of(jerk=jerk)).duration for jerk in (1e5, 1e6, 1e7)]
+    reference = without_jerk(curve, drives()).duration
+    times = [plan_feedrate(curve, drives(jerk=jerk)).duration for jerk in (1e5, 1e6, 1e7)]
     assert times == sorted(times, reverse=True)
     assert times[-1] == pytest.approx(reference, rel=1e-3)
     assert times[-1] > reference * (1.0 - 1e-4)
@@ -118,7 +95,7 @@ def test_the_limit_of_a_high_jerk_is_the_plan_without_one():
 
 def test_toppra_is_a_method_to_compare_with():
     """It plans on its own grid points alone and is slowed down for what it exceeds between them."""
-    curve, limits = load_curve("butterfly-nurbs"), limits_of(jerk=INF)
+    curve, limits = load_curve("butterfly-nurbs"), drives(jerk=INF)
     own, theirs = (plan_feedrate(curve, limits, method=method) for method in ("optimal", "toppra"))
     assert own.duration < theirs.duration < 1.05 * own.duration
     assert theirs.method == "toppra"
@@ -126,7 +103,7 @@ def test_toppra_is_a_method_to_compare_with():
 
 
 def test_a_tangential_jerk_alone_is_a_jerk_limit():
-    limits = limits_of(jerk=INF, tangential_jerk=5000.0)
+    limits = drives(jerk=INF, tangential_jerk=5000.0)
     profile = plan_feedrate(line(60.0), limits)
     assert not any("no jerk limit" in note for note in profile.notes)
     assert check(line(60.0), limits, profile).ok
@@ -136,15 +113,15 @@ def test_a_tangential_jerk_alone_is_a_jerk_limit():
 def test_knots_in_a_hurry_or_far_apart_change_nothing():
     """A parameter of the order of micrometres or kilometres a second would mislead a solver that sees it."""
     curve = load_curve("circle")
-    reference = without_jerk(curve, limits_of()).duration
+    reference = without_jerk(curve, drives()).duration
     for factor in (1e-6, 1e6):
         moved = NurbsCurve(curve.control_points, factor * curve.knots, curve.degree, curve.weights)
-        assert without_jerk(moved, limits_of()).duration == pytest.approx(reference, rel=1e-6)
+        assert without_jerk(moved, drives()).duration == pytest.approx(reference, rel=1e-6)
 
 
 def test_corners_are_stops():
     corners = [[0.0, 0.0], [20.0, 0.0], [20.0, 7.0]]
-    profile = without_jerk(NurbsCurve(corners, [0, 0, 1, 2, 2], 1), limits_of())
+    profile = without_jerk(NurbsCurve(corners, [0, 0, 1, 2, 2], 1), drives())
     assert profile.duration == pytest.approx(0.3 + 2.0 * np.sqrt(7.0 / 1000.0), rel=1e-5)
     assert profile.feed[profile.u == 1.0].max() == 0.0
 
@@ -157,16 +134,16 @@ def test_a_rotary_axis_turns_while_the_tip_rests():
 
 def test_more_intervals_come_closer():
     curve = load_curve("teardrop")
-    times = [without_jerk(curve, limits_of(300.0), intervals=n).duration for n in (100, 400, 3000)]
+    times = [without_jerk(curve, drives(300.0), intervals=n).duration for n in (100, 400, 3000)]
     assert abs(times[1] - times[2]) < abs(times[0] - times[2]) + 1e-9
     assert times[2] == pytest.approx(0.8506, rel=2e-4)
 
 
 def test_tangential_acceleration_counts_too():
-    limits = limits_of(tangential_acceleration=250.0)
+    limits = drives(tangential_acceleration=250.0)
     assert without_jerk(line(100.0), limits).duration == pytest.approx(1.0 + 0.4, rel=1e-5)
     curve = load_curve("teardrop")
     profile = without_jerk(curve, limits)
     assert keeps_all_but_jerk(curve, limits, profile)
-    assert profile.duration > without_jerk(curve, limits_of()).duration
+    assert profile.duration > without_jerk(curve, drives()).duration
     assert profile.duration < plan_feedrate(curve, limits).duration
