@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from cases import drives
 
 from planner.geometry.differential import arc_derivatives
-from planner.machine.limits import Limits
 from planner.profile import make_profile
 
 
@@ -85,7 +85,7 @@ def plan_along(curve, motion, limits=None, times=None):
     speed = np.linalg.norm(d[1], axis=-1)
     bend = np.sum(d[1] * d[2], axis=-1)
     if limits is None:
-        limits = Limits(300.0, [250.0] * curve.dim, [1000.0] * curve.dim, [20000.0] * curve.dim)
+        limits = drives(300.0, curve.dim)
     return make_profile(curve, limits, (t, u, v / speed, a / speed - v**2 * bend / speed**4), method="s-curve")
 
 

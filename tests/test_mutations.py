@@ -16,13 +16,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cases import drives
 from motions import plan_along, scurve
 from mutations import mutated
 
 from planner import (
     CATALOG,
     FeedrateError,
-    Limits,
     load_curve,
     load_limits,
     program_path,
@@ -34,7 +34,7 @@ from planner import (
 
 EVERYDAY, SLOW, CHUNK = 200, 2300, 575  # mutations of a kind; nine kinds
 LONGEST = 20.0  # s, for one file
-MILL = Limits(100.0, [250.0] * 3, [1000.0] * 3, [20000.0] * 3)
+MILL = drives(dim=3)
 CIRCLE = load_curve("circle")
 
 PROGRAM = """\
@@ -127,7 +127,7 @@ def _table(suffix: str) -> tuple[bytes, tuple[bytes, ...]]:
     import tempfile
 
     motion = scurve(CIRCLE.length, 100.0, 1000.0, 20000.0)
-    limits = Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2)
+    limits = drives()
     plan = plan_along(CIRCLE, motion, limits, np.linspace(0.0, motion.duration, 12))
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"t{suffix}"

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cases import drives
 from motions import plan_along, scurve
 
 from benchmarks import classics
@@ -13,13 +14,12 @@ from benchmarks import replay as forms
 from interp import interpolate_adaptive, replay_form
 from interp.literature.lookahead import PAPER_LIMITS
 from planner.geometry.catalog import load_curve
-from planner.machine.limits import Limits
 
 
 @pytest.fixture(scope="module")
 def plan():
     curve = load_curve("circle")
-    limits = Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2)
+    limits = drives()
     return curve, limits, plan_along(curve, scurve(curve.length, 100.0, 800.0, 14000.0))
 
 

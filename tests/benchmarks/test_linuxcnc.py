@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from cases import drives
 
 from benchmarks.linuxcnc.interpreter import interpret, is_installed
 from benchmarks.linuxcnc.machine import largest_distance, run_program
-from planner import Limits, plan_feedrate, write_ngc
+from planner import plan_feedrate, write_ngc
 from planner.geometry.nurbs import NurbsCurve
 
 needs_linuxcnc = pytest.mark.skipif(
@@ -17,7 +18,7 @@ needs_linuxcnc = pytest.mark.skipif(
 def planned():
     points = [[5, 0], [30, 0], [30, 20], [10, 30], [0, 10], [-20, 20], [-20, 0]]
     curve = NurbsCurve(points, [0, 0, 0, 0, 1, 2, 3, 4, 4, 4, 4], 3, name="bend")
-    return curve, plan_feedrate(curve, Limits(80, [250] * 2, [1000] * 2, [20000] * 2))
+    return curve, plan_feedrate(curve, drives(80))
 
 
 @needs_linuxcnc

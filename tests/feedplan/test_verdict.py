@@ -13,16 +13,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cases import drives
 from rich.console import Console
 
 from feedplan.verdict import Verdict, quantity, to_json, to_text
 from interp import replay
-from planner import Limits, check, load_curve, plan_feedrate
+from planner import check, load_curve, plan_feedrate
 from planner.status import Claim, Status
 from planner.verify import Report, Row
 
 CURVE = load_curve("teardrop")
-LIMITS = Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2)
+LIMITS = drives()
 
 
 @pytest.fixture(scope="module")

@@ -9,6 +9,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from cases import drives
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from motions import (
@@ -110,7 +111,7 @@ def test_differences_on_a_line_reach_the_rates_of_the_motion(cases):
 @pytest.mark.parametrize(("name", "feed"), [("teardrop", 100.0), ("circle", 100.0), ("circle", 300.0)])
 def test_samples_of_an_optimal_plan_stay_within_the_limits(name, feed, period):
     curve = load_curve(name)
-    limits = Limits(feed, [250.0] * 2, [1000.0] * 2, [20000.0] * 2, period=period)
+    limits = drives(feed, period=period)
     profile = plan_feedrate(curve, limits, intervals=400)
     samples = replay(curve, profile)
     assert samples.period == period
@@ -170,7 +171,7 @@ def test_the_period_comes_from_the_plan_where_none_is_given(short_plan):
     curve, profile = short_plan
     assert replay(curve, profile).period == 1e-3
     nodes = (profile.t, profile.u, profile.u_rate, profile.u_acceleration)
-    limits = Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2)
+    limits = drives()
     planned = make_profile(curve, limits.with_period(2e-3), nodes, method="s-curve")
     assert replay(curve, planned).period == 2e-3
     assert replay(curve, planned, 5e-3).period == 5e-3

@@ -6,6 +6,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
+from cases import drives
 from motions import plan_along, scurve, time_at
 from numba.core.runtime import _nrt_python, rtsys
 
@@ -13,7 +14,6 @@ from interp import InterpolatorTable, TaylorTable, quintic_step, replay, start, 
 from interp import taylor_kernels as kernels
 from planner.errors import InputError
 from planner.geometry.catalog import load_curve
-from planner.machine.limits import Limits
 from planner.profile import make_profile
 
 ORDERS = (1, 2, 3, 5)
@@ -119,7 +119,7 @@ def test_the_table_is_the_time_law_of_the_plan(cases, name):
 def test_a_plan_of_two_nodes_crosses_all_pieces_in_one_interval(order):
     curve = load_curve("butterfly-nurbs")
     # constant rate of the parameter: u(t) = t/2 over all 48 pieces, the feed as it comes
-    limits = Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2)
+    limits = drives()
     nodes = tuple(np.array(x) for x in ([0.0, 2.0], curve.domain, [0.5, 0.5], [0.0, 0.0]))
     profile = make_profile(curve, limits, nodes, method="constant rate")
     if order == 5:
@@ -230,7 +230,7 @@ def test_tables_are_frozen_plain_arrays(cases, order):
 
 def test_a_plan_whose_parameter_falls_back_is_refused():
     curve = load_curve("circle")
-    limits = Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2)
+    limits = drives()
     nodes = tuple(np.array(x) for x in ([0.0, 1.0, 2.0], [0.0, 0.5, 1.0], [0.0, -0.2, 0.0], [0.0, 0.0, 0.0]))
     profile = make_profile(curve, limits, nodes, method="swinging")
     with pytest.raises(InputError, match=r"falls back by .* between t = 0\.0 and 1\.0 s"):
@@ -239,7 +239,7 @@ def test_a_plan_whose_parameter_falls_back_is_refused():
 
 def test_a_plan_may_rest_on_the_way():
     curve = load_curve("circle")
-    limits = Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2)
+    limits = drives()
     times, u = np.array([0.0, 3.0, 4.0, 7.0]), np.array([0.0, 0.3, 0.3, 1.0])
     profile = make_profile(curve, limits, (times, u, np.zeros(4), np.zeros(4)), method="stop")
     for order in ORDERS:

@@ -4,14 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cases import drives
 from program_blocks import line, program
 
 from interp import replay
-from planner import Limits, check, plan_feedrate
+from planner import check, plan_feedrate
 from planner.geometry.curve import FeedCaps
 from planner.programs.path.path import program_path
 
-MACHINE = Limits(np.inf, [250.0] * 3, [1000.0] * 3, [20000.0] * 3, axes=("X", "Y", "Z"))
+MACHINE = drives(np.inf, dim=3)
 
 
 @pytest.fixture(scope="module")

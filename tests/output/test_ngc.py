@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from cases import drives
 
 from interp import replay
 from planner import Limits, check, load_curve, plan_feedrate
@@ -20,7 +21,7 @@ DEGREES = 180.0 / np.pi
 
 
 def limits_of(curve, feed=100.0):
-    return Limits(feed, [250] * curve.dim, [1000] * curve.dim, [20000] * curve.dim, axes=curve.axes)
+    return drives(feed, dim=curve.dim, axes=curve.axes)
 
 
 @pytest.fixture(scope="module")

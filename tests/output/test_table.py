@@ -10,6 +10,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from cases import drives
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from motions import plan_along, scurve
@@ -40,7 +41,7 @@ from planner.verify.implied_columns import Nodes
 COLUMNS = ("t", "u", "u_rate", "u_acceleration", "s", "feed", "acceleration", "jerk", "binding")
 CIRCLE = load_curve("circle")
 LIMITS = Limits(100.0, [250.0, 300.0], [1000.0, np.inf], [20000.0, 1e-3], chord_error=1e-3, period=2e-3)
-MILL = Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2)
+MILL = drives()
 # Two parabolas: the tangent goes on where they join, the curvature jumps.
 BENDS = NurbsCurve([[0, 0], [10, 0], [15, 5], [15, 25]], [0, 0, 0, 0.5, 1, 1, 1], 2, name="bends")
 SUFFIXES = pytest.mark.parametrize("suffix", [".csv", ".npz"])

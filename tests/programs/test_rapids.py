@@ -2,15 +2,16 @@
 
 import numpy as np
 import pytest
+from cases import drives
 from program_blocks import line, program, rapid
 
 from interp import replay
-from planner import InputError, Limits, check, load_limits, plan_feedrate
+from planner import InputError, check, load_limits, plan_feedrate
 from planner.output.table import table_limits, write_table
 from planner.programs.path.path import program_path
 
 AXES = ("X", "Y", "Z")
-MACHINE = Limits(100.0, [250.0] * 3, [1000.0] * 3, [20000.0] * 3, axes=AXES)
+MACHINE = drives(dim=3, axes=AXES)
 
 
 def s_curve(length, feed, acceleration=1000.0, jerk=20000.0):

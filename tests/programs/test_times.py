@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from cases import PROGRAMS
+from cases import PROGRAMS, drives
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from program_blocks import line, polyline, program, rapid
@@ -18,7 +18,7 @@ from planner.programs.path.path import program_path
 from planner.programs.reading.reader import read_program
 from planner.programs.times import KINDS, line_times, times_at, write_line_times
 
-LIMITS = Limits(100.0, [250.0] * 3, [1000.0] * 3, [2e4] * 3)
+LIMITS = drives(dim=3)
 
 
 def planned(source, tolerance=0.01, limits=LIMITS, **options):
@@ -90,7 +90,7 @@ def test_an_exact_stop_takes_the_time_of_its_closed_form():
     """40 mm from rest to rest, bound by jerk, acceleration and feed: v/a + a/j + s/v."""
     source = polyline([[0, 0], [40, 0], [40, 40]])
     source = replace(source, stop_after=np.array([True, True]))
-    times = planned(source, limits=Limits(100.0, [250.0] * 3, [1000.0] * 3, [2e4] * 3))[3]
+    times = planned(source, limits=drives(dim=3))[3]
     exact = 40.0 / 100.0 + 100.0 / 1000.0 + 1000.0 / 2e4
     assert times.seconds == pytest.approx([exact, exact], rel=1e-4)
 
@@ -133,7 +133,7 @@ class TestBinding:
     def test_shares_by_hand(self):
         """Nodes at 0, 1, 2, 3, 4 s: a line from 0.75 to 2.25 s lies half with the node at 1 s, 2/3 of the rest at 2 s."""
         source, path, profile, _ = planned(polyline([[0, 0], [30, 0], [90, 0], [120, 0]]))
-        limits = Limits(100.0, [250.0] * 2, [1000.0] * 2, [2e4] * 2)
+        limits = drives()
         t = np.arange(5.0)
         u = np.linspace(*path.curve.domain, 5)
         rate = np.full(5, 30.0)

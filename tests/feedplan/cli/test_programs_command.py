@@ -7,12 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cases import PROGRAMS
+from cases import PROGRAMS, drives
 from texts import flat, strict_json
 
 import planner.output.table
 from planner import (
-    Limits,
     load_curve,
     load_limits,
     plan_feedrate,
@@ -261,7 +260,7 @@ class TestNgc:
         assert run("ngc", SLOTS, "--tolerance-mm", "0.01", "-o", out)[0] == 0
         blocks = Blocks.of(read_program(SLOTS), 0.01)
         written = read_program(out)
-        limits = Limits(100.0, [250.0] * 3, [1000.0] * 3, [2e4] * 3)
+        limits = drives(dim=3)
         path = program_path(written, 1e-3, limits)  # follows the written lines within 1 um
         ends = blocks.programmed.edges
         u = np.interp(ends, [0.0, ends[-1]], path.curve.domain)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from cases import drives
 from motions import plan_along, scurve, time_at
 
 from interp import replay
@@ -196,7 +197,7 @@ def test_what_cannot_be_replayed_is_refused(cases):
 
 def test_a_rest_on_the_way_stalls_v_of_u_or_is_passed():
     curve = load_curve("circle")
-    limits = Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2)
+    limits = drives()
     times, u = np.array([0.0, 3.0, 4.0, 7.0]), np.array([0.0, 0.3, 0.3, 1.0])
     profile = make_profile(curve, limits, (times, u, np.zeros(4), np.zeros(4)), method="stop")
     with pytest.raises(

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cases import PROGRAMS
+from cases import PROGRAMS, drives
 from program_blocks import line, polyline, program, rapid
 from typer.testing import CliRunner
 
@@ -26,8 +26,8 @@ from planner.programs.path.moves import Blocks, moving_axes
 from planner.programs.path.path import program_path
 
 BUTTERFLY, SLOTS = PROGRAMS / "butterfly_5000.ngc", PROGRAMS / "slots.ngc"
-LIMITS = Limits(100.0, [250.0] * 3, [1000.0] * 3, [2e4] * 3)
-PLANE = Limits(100.0, [250.0] * 2, [1000.0] * 2, [2e4] * 2)
+LIMITS = drives(dim=3)
+PLANE = drives()
 
 
 def winding(blocks, **words):

@@ -4,9 +4,10 @@ from functools import cache
 
 import numpy as np
 import pytest
+from cases import drives
 from program_blocks import arc, line, polyline, program, rapid
 
-from planner import Limits, SolverError, check, plan_feedrate
+from planner import SolverError, check, plan_feedrate
 from planner.programs.long.windows import plan_program
 from planner.programs.path import absorb as absorbing
 from planner.programs.path.absorb import absorb
@@ -14,8 +15,8 @@ from planner.programs.path.moves import Blocks
 from planner.programs.path.path import program_path
 from planner.programs.times import line_times
 
-LIMITS = Limits(50.0, [250.0] * 3, [1000.0] * 3, [2e4] * 3)
-PLANE = Limits(50.0, [250.0] * 2, [1000.0] * 2, [2e4] * 2)
+LIMITS = drives(50.0, dim=3)
+PLANE = drives(50.0)
 LEG = 10.0
 ANGLES = (10.0, 20.0, 30.0, 45.0, 60.0, 90.0, 120.0, 135.0, 150.0, 160.0, 170.0)
 LENGTHS = 10.0 ** np.linspace(-7.0, 0.0, 22)

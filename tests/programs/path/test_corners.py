@@ -3,11 +3,12 @@
 import mpmath
 import numpy as np
 import pytest
+from cases import drives
 from hypothesis import given
 from hypothesis import strategies as st
 from program_blocks import arc, line, program
 
-from planner import Limits, plan_feedrate
+from planner import plan_feedrate
 from planner.geometry.blend import Blends, Legs
 from planner.programs.path.corners import Junction, classify
 from planner.programs.path.deviation import Programmed
@@ -124,14 +125,14 @@ def test_time_of_a_right_angle(tolerance):
     each leg gives 2 (6 A / J)^(1/3) of its time, A = tolerance / sqrt 2, to the other.
     """
     seconds = 0.7 - 2.0 * np.cbrt(6.0 * tolerance / np.sqrt(2.0) / 2e4)
-    limits = Limits(100.0, [250.0] * 2, [1000.0] * 2, [2e4] * 2)
+    limits = drives()
     path = program_path(program(line(20, 0), line(20, 20)), tolerance, limits)
     profile = plan_feedrate(path.curve, limits, intervals=2000)
     assert seconds * (1.0 - 1e-6) <= profile.duration <= seconds * (1.0 + 2e-4)
 
 
 def test_corner_beside_an_arc_keeps_the_tolerance():
-    limits = Limits(100.0, [250.0] * 2, [1000.0] * 2, [2e4] * 2)
+    limits = drives()
     path = program_path(program(line(20, 0), arc((20, 10), (15, 5), 1), line(20, 25)), 0.05, limits)
     assert path.counts["corners"] == 2
     assert path.deviation.largest <= 0.05

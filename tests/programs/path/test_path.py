@@ -5,12 +5,12 @@ from functools import cache
 
 import numpy as np
 import pytest
-from cases import PROGRAMS
+from cases import PROGRAMS, drives
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from program_blocks import arc, line, polyline, program, rapid
 
-from planner import CurveError, InputError, Limits, check, plan_feedrate
+from planner import CurveError, InputError, check, plan_feedrate
 from planner.geometry.chain import ChainCurve, Kind
 from planner.programs.path import stretch
 from planner.programs.path.deviation import deviation
@@ -18,8 +18,8 @@ from planner.programs.path.moves import Blocks
 from planner.programs.path.path import program_path
 from planner.programs.reading.reader import read_program
 
-LIMITS = Limits(100.0, [250.0] * 3, [1000.0] * 3, [2e4] * 3)
-PLANE = Limits(100.0, [250.0] * 2, [1000.0] * 2, [2e4] * 2)
+LIMITS = drives(dim=3)
+PLANE = drives()
 
 
 @cache

@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from cases import drives
 from certificate_cases import INF, A, J, L, V, bends, limits_for, tangential
 from certificates import arc_section, line_certificate, line_section, smooth_certificate
 
@@ -188,7 +189,7 @@ class TestPlans:
     def test_random_multipliers_stay_below(self, name):
         if name.startswith("bends"):
             curve = bends(("X", "Y") if name == "bends" else ("X", "A"))
-            limits = Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2, axes=curve.axes)
+            limits = drives(axes=curve.axes)
         else:
             curve, limits = limits_for(name)
         plan = plan_feedrate(curve, limits, intervals=400)

@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from cases import drives
 from certificate_cases import bends, limits_for, section_of
 from certificates import pieces_of, smooth_certificate
 from scipy.optimize import linprog
@@ -223,7 +224,7 @@ def parts_ends(parts, stretches):
 
 class TestCurvatureJumps:
     def limits(self, **others):
-        return Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0] * 2, **others)
+        return drives(**others)
 
     def test_the_least_over_speed_and_step_is_that_of_a_linear_program(self):
         rng = np.random.default_rng(7)
