@@ -40,7 +40,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from importlib import import_module
 from math import inf, isfinite, nan
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -49,6 +49,7 @@ from planner.geometry.curve import ROTARY_AXES, Curve
 from planner.geometry.differential import arc_derivatives
 from planner.machine.limits import Limits, feedrate_limits, require_limits
 from planner.profile import FeedrateProfile, Samples
+from planner.quantity import ACCELERATION, JERK, QUANTITIES, Quantity
 from planner.types import FloatArray, Progress
 from planner.verify import Row, check
 
@@ -66,28 +67,12 @@ NOTE = (
     "their times say what it costs"
 )
 # The limits of a machine, and the power of kappa by which a dilation lowers what is used of each.
-_POWERS = {
-    "feed": 1,
-    "velocity": 1,
-    "acceleration": 2,
-    "jerk": 3,
-    "tangential acceleration": 2,
-    "tangential jerk": 3,
-    "chord error": 2,
-}
-LETTERS = {
-    "feed": "F",
-    "chord error": "C",
-    "velocity": "V",
-    "acceleration": "A",
-    "jerk": "J",
-    "tangential acceleration": "TA",
-    "tangential jerk": "TJ",
-}
+_POWERS = {q.label: q.power for q in QUANTITIES}
+LETTERS = {q.label: q.letter for q in QUANTITIES}
 """What stands for a broken limit in a table; anything else that fails is a question mark."""
 _STEP = "step on a smooth path"  # of the acceleration: breaks the jerk limit, and no slowing cures it
 # Rows that measure one of them in another way.
-_SAME_LIMIT = {"jerk at a curvature break": "jerk", "acceleration step": "jerk", _STEP: "jerk"}
+_SAME_LIMIT = dict.fromkeys(("jerk at a curvature break", "acceleration step", _STEP), JERK.label)
 _SLOWEST_FEED = 1.0  # mm/s; below it a relative deviation says nothing
 _SCAN_POINTS = 20_001
 _STEADY_SHARE = 0.5  # of acceleration and jerk, in the ramps to a constant feed
@@ -487,8 +472,8 @@ def _run_shape(curve: Curve, limits: Limits, *, kind: ShapeName, order: int, ste
     from interp import FeedShape, interpolate_shape
 
     share = _STEADY_SHARE if steady else 1.0
-    acceleration = share * _weakest(curve, limits, "acceleration")
-    jerk = share * _weakest(curve, limits, "jerk") if kind == "bell" else inf
+    acceleration = share * _weakest(curve, limits, ACCELERATION)
+    jerk = share * _weakest(curve, limits, JERK) if kind == "bell" else inf
     feed = _steady_feed(curve, limits) if steady else limits.feed
     if not (np.isfinite(acceleration) and np.isfinite(feed)):
         raise InputError(
@@ -519,7 +504,7 @@ def _run_shape(curve: Curve, limits: Limits, *, kind: ShapeName, order: int, ste
 def _run_adaptive(curve: Curve, limits: Limits, *, rule: Rule, order: int) -> Motion:
     from interp import AdaptiveLimits, interpolate_adaptive
 
-    acceleration = _weakest(curve, limits, "acceleration") / np.sqrt(2.0)
+    acceleration = _weakest(curve, limits, ACCELERATION) / np.sqrt(2.0)
     own = AdaptiveLimits(limits.feed, acceleration, acceleration, limits.chord_error, limits.period)
     run = interpolate_adaptive(curve, own, rule=rule, order=order)
     setting = f"rule {rule}, order {order}, {acceleration:.6g} mm/s^2 along and across the path"
@@ -563,10 +548,10 @@ METHODS: Mapping[str, Callable[[Curve, Limits], Motion]] = {
 """Every method by name: Algorithms 1-4 (2022), feed shapes (2002), look-ahead (2007), and the planner's own."""
 
 
-def _weakest(curve: Curve, limits: Limits, what: Literal["acceleration", "jerk"]) -> float:
+def _weakest(curve: Curve, limits: Limits, quantity: Quantity) -> float:
     """Smallest limit of the linear axes and of the path, mm/s^2 or mm/s^3."""
-    linear = [getattr(limits, what)[j] for j, axis in enumerate(curve.axes) if axis not in ROTARY_AXES]
-    return float(min([*linear, getattr(limits, f"tangential_{what}")]))
+    *axes, path = limits.of_motions(quantity.order)
+    return float(min(path, *(most for axis, most in zip(curve.axes, axes, strict=True) if axis not in ROTARY_AXES)))
 
 
 def _steady_feed(curve: Curve, limits: Limits) -> float:

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from feedplan.verdict import Verdict, to_json
 from planner.errors import InputError
 from planner.files.whole_file import require_writable, whole_file
+from planner.inputs import require_instance
 from planner.output.traces import PlanTraces, Traces, trace_chord_error, trace_plan
 from planner.profile import FeedrateProfile
 
@@ -63,6 +64,7 @@ def write_report(
         If the suffix is another one, the file cannot be written, or the lines are those of another plan.
     """
     require_report(path)
+    require_instance(verdict, Verdict, "verdict")
     profile, limits = verdict.profile, verdict.limits
     curve = profile.curve
     if lines is not None and lines.limit_names != profile.limit_names:

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from planner.geometry.curve import Curve
-from planner.machine.limits import Limits
+from planner.machine.limits import COMMANDS, Limits
 from planner.profile import FeedrateProfile, Samples
+from planner.quantity import QUANTITIES
 from planner.status import Claim
 from planner.verify import Report, Row
 
@@ -22,17 +23,7 @@ if TYPE_CHECKING:
     from planner.verify.certificate import BoundReport
 
 # Rows of a report that are limits of the machine; the others say that a plan is a plan at all, and are counted.
-_LIMITS = (
-    "feed",
-    "programmed feed",
-    "chord error",
-    "velocity",
-    "acceleration",
-    "jerk",
-    "tangential acceleration",
-    "tangential jerk",
-    "jerk at a curvature break",
-)
+_LIMITS = (COMMANDS[0], COMMANDS[1], *(q.label for q in QUANTITIES[1:]), "jerk at a curvature break")
 _SHARE_SHOWN = 0.005  # limits that hold the path back for less of the time are summed up
 _CHECK_TOLERANCE = 2e-6  # of the time: by so much a plan may gain within the tolerance of its check
 _WORTH_SHOWN = 1e-4  # of the duration

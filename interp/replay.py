@@ -9,6 +9,7 @@ import numpy as np
 
 from planner.errors import InputError
 from planner.geometry.curve import Curve
+from planner.inputs import require_instance
 from planner.profile import FeedrateProfile, Samples
 from planner.types import FloatArray
 
@@ -66,6 +67,8 @@ def replay(
 
     if order not in ORDERS:
         raise InputError(f"order = {order!r} must be 1, 2 or 3 (Taylor) or 5 (the plan's own time law)")
+    require_instance(curve, Curve, "curve")
+    require_instance(profile, FeedrateProfile, "profile")
     if curve is not profile.curve and curve.fingerprint != profile.curve.fingerprint:
         raise InputError(
             f"the plan was made for {profile.curve.name} ({profile.curve.fingerprint}), not for {curve.name} "

@@ -25,6 +25,7 @@ from interp import taylor_kernels as kernels
 from interp.taylor_kernels import quintic_step, taylor_step
 from planner.errors import InputError
 from planner.geometry.curve import Curve, Pieces
+from planner.inputs import require_instance
 from planner.profile import FeedrateProfile, quintic_coefficients
 from planner.types import FloatArray
 
@@ -87,6 +88,7 @@ class InterpolatorTable:
         InputError
             If the curve parameter of the plan falls back somewhere.
         """
+        require_instance(profile, FeedrateProfile, "profile")
         axes = profile.curve.pieces
         pieces = packed_pieces(axes.breaks, axes.powers, rational=axes.rational)
         return cls(_segments(profile, axes.breaks), pieces, *_course(profile))
@@ -133,6 +135,7 @@ class TaylorTable:
         Between two nodes V(t) is the cubic that takes the feed and the acceleration of both, which is exact where the
         jerk is constant; where it is not, points are added until V(t) is the plan's to nine digits.
         """
+        require_instance(profile, FeedrateProfile, "profile")
         return cls(_feed(profile), packed_curve(profile.curve), *_course(profile))
 
     @property

@@ -95,11 +95,14 @@ def plain_number(text: str, *, other: tuple[str, ...] = ()) -> float | None:
     return float(text) if text in other or _NUMBER.fullmatch(text) else None
 
 
-def require_instance(value: Any, wanted: type, name: str) -> None:
-    """Raise InputError naming a parameter that is none of the wanted class, as where two arguments are swapped."""
-    if not isinstance(value, wanted):
-        given = f"the class {value.__name__}" if isinstance(value, type) else f"a {type(value).__name__}"
-        raise InputError(f"{name} is {given}; it must be a {wanted.__name__}{_HOW_TO_MAKE.get(wanted.__name__, '')}")
+def require_instance(value: Any, wanted: type | tuple[type, ...], name: str) -> None:
+    """Raise InputError naming a parameter that is none of the wanted classes, as where two arguments are swapped."""
+    if isinstance(value, wanted):
+        return
+    given = f"the class {value.__name__}" if isinstance(value, type) else f"a {type(value).__name__}"
+    classes = wanted if isinstance(wanted, tuple) else (wanted,)
+    said = " or a ".join(cls.__name__ + _HOW_TO_MAKE.get(cls.__name__, "") for cls in classes)
+    raise InputError(f"{name} is {given}; it must be a {said}")
 
 
 def positive_number(value: Any, what: str, hint: str = "") -> float:

@@ -19,6 +19,7 @@ from planner.geometry.curve import MAX_DERIVATIVE, Curve
 from planner.geometry.differential import chain_rule, curvature, rates_along
 from planner.machine.limits import Limits, chord_feed_limit, commanded_feed
 from planner.origin import Origin
+from planner.quantity import AXIS, CHORD_ERROR, FEED, NONE, TANGENTIAL, limit_names
 from planner.status import Claim, Status, Work
 from planner.types import FloatArray
 
@@ -319,22 +320,18 @@ def _binding(
 ) -> tuple[tuple[str, ...], NDArray[np.int8]]:
     """Name, at each node, the limit with the largest share used, if it is nearly used up."""
     u, u1, u2, u3 = law
-    motion = chain_rule(q[1], q[2], q[3], u1[:, None], u2[:, None], u3[:, None])
-    rates = zip(
-        ("velocity", "acceleration", "jerk"), motion, (limits.velocity, limits.acceleration, limits.jerk), strict=True
-    )
+    rates = chain_rule(q[1], q[2], q[3], u1[:, None], u2[:, None], u3[:, None])
     with np.errstate(divide="ignore", invalid="ignore"):
         chord = along[0] / chord_feed_limit(curvature(tip), limits)
-    names = ["none", "feed", "chord error", "tangential acceleration", "tangential jerk"]
-    used = [
-        np.full(u.size, BINDING_SHARE),
-        along[0] * slowed / commanded,
-        np.nan_to_num(chord * slowed, nan=0.0, posinf=0.0),
-        np.abs(along[1]) * slowed**2 / limits.tangential_acceleration,
-        np.abs(along[2]) * slowed**3 / limits.tangential_jerk,
-    ]
-    for power, (what, values, allowed) in enumerate(rates, start=1):
-        for j, axis in enumerate(curve.axes):
-            names.append(f"{what} {axis}")
-            used.append(np.abs(values[:, j]) * slowed**power / allowed[j])
-    return tuple(names), np.argmax(np.stack(used), axis=0).astype(np.int8)
+    used = {
+        NONE: np.full(u.size, BINDING_SHARE),
+        FEED.label: along[0] * slowed / commanded,
+        CHORD_ERROR.label: np.nan_to_num(chord * slowed, nan=0.0, posinf=0.0),
+    }
+    for limited in (*TANGENTIAL, *AXIS):
+        values = along[limited.order - 1][:, None] if limited in TANGENTIAL else rates[limited.order - 1]
+        axes = curve.axes if limited in AXIS else ("",)
+        for j, (axis, allowed) in enumerate(zip(axes, limits.of(limited), strict=True)):
+            used[limited.of(axis)] = np.abs(values[:, j]) * slowed**limited.power / allowed
+    names = limit_names(curve.axes)
+    return names, np.argmax(np.stack([used[name] for name in names]), axis=0).astype(np.int8)

@@ -97,6 +97,12 @@ TANGENTIAL = tuple(quantity for quantity in PATH if quantity.order > 1)
 """Time derivatives of the arc length beyond the feed."""
 
 
+def motion_names(order: int, axes: Iterable[str]) -> tuple[str, ...]:
+    """Limits on the derivatives of one order of the motions: of each axis, and last of the arc length of the tip."""
+    axis, path = (next(q for q in some if q.order == order) for some in (AXIS, (FEED, *TANGENTIAL)))
+    return (*(axis.of(name) for name in axes), path.label)
+
+
 def with_label(label: str) -> Quantity | None:
     """The quantity with these words, None where they are not of one."""
     return next((quantity for quantity in QUANTITIES if quantity.label == label), None)

@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike
 
 from planner.errors import InputError
 from planner.geometry.curve import Curve
-from planner.inputs import coordinates, positive_number
+from planner.inputs import coordinates, positive_number, require_instance
 from planner.profile import Samples
 from planner.types import FloatArray
 
@@ -199,6 +199,8 @@ def interpolate_shape(curve: Curve, shape: FeedShape, period: float, *, order: i
     InputError
         If order or period are not as above, or there would be more than 1e8 samples.
     """
+    require_instance(curve, Curve, "curve")
+    require_instance(shape, FeedShape, "shape")
     if order not in (1, 2):
         raise InputError(f"order = {order!r} must be 1 or 2")
     count = _count(shape.duration, period)
@@ -210,6 +212,7 @@ def interpolate_constant(curve: Curve, feed: float, period: float, *, order: int
 
     Parameters, result and errors as in :func:`interpolate_shape`; the feed in mm/s.
     """
+    require_instance(curve, Curve, "curve")
     if order not in (1, 2):
         raise InputError(f"order = {order!r} must be 1 or 2")
     steady = positive_number(feed, "feed")
@@ -242,6 +245,7 @@ def filter_axes(samples: Samples, kind: FilterName, ramp: float) -> FilteredRun:
     InputError
         If the kind is unknown, or the ramp is not finite or shorter than a period.
     """
+    require_instance(samples, Samples, "samples")
     if kind not in FILTERS:
         raise InputError(f"kind = {kind!r} must be one of {', '.join(FILTERS)}")
     from scipy.signal import lfilter

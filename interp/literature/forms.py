@@ -30,6 +30,7 @@ from interp.replay import MAX_SAMPLES, replay
 from interp.taylor import InterpolatorTable, TaylorTable, runner, start
 from planner.errors import InputError, StalledError
 from planner.geometry.curve import Curve
+from planner.inputs import require_instance
 from planner.profile import FeedrateProfile, Samples
 from planner.types import FloatArray
 
@@ -105,6 +106,8 @@ def replay_form(curve: Curve, profile: FeedrateProfile, form: FormName, period: 
     StalledError
         If a replay with V(u) does not arrive.
     """
+    require_instance(curve, Curve, "curve")
+    require_instance(profile, FeedrateProfile, "profile")
     if form not in FORMS:
         raise InputError(f"form = {form!r} must be one of {', '.join(FORMS)}")
     step = float(profile.origin.period if period is None else period)
@@ -142,6 +145,7 @@ def prepare(profile: FeedrateProfile, form: FormName, period: float) -> Replayer
 
     Raises InputError for an unknown form or a period that is not positive and finite.
     """
+    require_instance(profile, FeedrateProfile, "profile")
     if form not in FORMS:
         raise InputError(f"form = {form!r} must be one of {', '.join(FORMS)}")
     if form in _ORDERS:

@@ -38,7 +38,7 @@ from numpy.typing import ArrayLike
 from planner.errors import InfeasibleError, InputError, StalledError
 from planner.geometry.curve import Curve
 from planner.geometry.nurbs import NurbsCurve
-from planner.inputs import positive_number
+from planner.inputs import positive_number, require_instance
 from planner.machine.limits import Limits, chord_feed_limit
 from planner.profile import Samples
 from planner.types import FloatArray
@@ -199,6 +199,8 @@ def interpolate_adaptive(
     StalledError
         If a step does not advance (a curvature beyond measure, or a period too short), or there are more than 1e7.
     """
+    require_instance(curve, Curve, "curve")
+    require_instance(limits, AdaptiveLimits, "limits")
     if rule not in RULES:
         raise InputError(f"rule = {rule!r} must be one of {', '.join(RULES)}")
     if order not in (1, 2):

@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 
 from planner.errors import InputError
 from planner.geometry.curve import Curve
-from planner.inputs import numbers, positive_number
+from planner.inputs import numbers, positive_number, require_instance
 from planner.types import FloatArray
 
 DEFAULT_SETTLING = 0.5  # s
@@ -197,6 +197,7 @@ def contour_error(curve: Curve, position: ArrayLike) -> FloatArray:
     -----
     Known limitation: the nearest point of the whole path counts, which near a self-crossing may lie on another branch.
     """
+    require_instance(curve, Curve, "curve")
     points = numbers(position, "position", InputError)
     if curve.tip is not curve:
         raise InputError(

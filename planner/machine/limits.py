@@ -14,7 +14,7 @@ from planner.errors import InputError
 from planner.geometry.curve import ROTARY_AXES, Curve, axis_names
 from planner.geometry.differential import curvature_vector, norm
 from planner.inputs import numbers, positive_number, require_instance
-from planner.quantity import AXIS, CHORD_ERROR, FEED, PATH, QUANTITIES, Quantity
+from planner.quantity import AXIS, CHORD_ERROR, FEED, PATH, QUANTITIES, TANGENTIAL, Quantity
 from planner.types import FloatArray, Side
 
 _MAX_AXES = 6
@@ -133,10 +133,10 @@ class Limits:
         """Limits on a quantity: one number, or one for each axis."""
         return np.atleast_1d(getattr(self, quantity.key)).tolist()
 
-    def named(self, quantity: Quantity) -> dict[str, float]:
-        """Limits on a quantity by their names: "feed", "jerk X"."""
-        axes = self.axes if quantity in AXIS else ("",)
-        return dict(zip((quantity.of(axis) for axis in axes), self.of(quantity), strict=True))
+    def of_motions(self, order: int) -> FloatArray:
+        """Limits on one order of derivatives of the motions, (dim + 1,): of each axis, and last of the tip's arc length."""
+        found = [np.atleast_1d(getattr(self, q.key)) for q in (*AXIS, FEED, *TANGENTIAL) if q.order == order]
+        return np.concatenate(found)
 
     def __eq__(self, other: object) -> bool:
         """Whether every limit, the period and the axes are the same."""

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from planner.errors import BrokenLimitError, InputError
 from planner.files.whole_file import whole_file
 from planner.geometry.curve import Curve
-from planner.inputs import positive_number
+from planner.inputs import positive_number, require_instance
 from planner.profile import FeedrateProfile, Samples, evaluate_law
 from planner.types import FloatArray
 from planner.verify import Report, check
@@ -107,6 +107,8 @@ def write_ngc(
     BrokenLimitError
         If the plan breaks a limit: a machine would run what is written.  Then no file is written.
     """
+    require_instance(curve, Curve, "curve")
+    require_instance(plan, (FeedrateProfile, Samples), "plan")
     if mode not in ("feed", "inverse_time"):
         raise InputError(f'mode = {mode!r} must be "feed" or "inverse_time"')
     tolerance = positive_number(tolerance, "tolerance")

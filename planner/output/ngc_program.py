@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from planner.inputs import require_instance
 from planner.output.ngc import Mode, WrittenProgram, write_ngc
 from planner.profile import FeedrateProfile
 from planner.programs.path.path import ProgramPath
@@ -59,6 +60,9 @@ def write_program(
     BrokenLimitError
         If the plan breaks a limit.  Then no file is written.
     """
+    require_instance(program, Program, "program")
+    require_instance(path, ProgramPath, "path")
+    require_instance(profile, FeedrateProfile, "profile")
     lines = sorted([*_rests(program, path), *_events(program, path)], key=lambda item: item[:2])
     inserted = [(u, text) for u, _, text in lines]
     return write_ngc(

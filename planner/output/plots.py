@@ -22,6 +22,7 @@ from planner.errors import InputError
 from planner.files.whole_file import whole_file
 from planner.geometry.curve import Curve
 from planner.geometry.differential import chain_rule
+from planner.inputs import require_instance
 from planner.machine.limits import Limits, feedrate_limits, largest_command, require_limits
 from planner.profile import FeedrateProfile, ProfileStates, Samples
 from planner.types import FloatArray
@@ -120,6 +121,7 @@ def plot_plan(
         If the axes of the limits are not those of the curve.
     """
     limits = require_limits(curve, limits)
+    require_instance(profile, FeedrateProfile, "profile")
     motion = _scan(curve, profile)
     with _style():
         figure = Figure(figsize=_SIZE, layout="constrained")

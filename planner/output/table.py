@@ -24,14 +24,16 @@ from planner.errors import InputError
 from planner.files.columns import ColumnFile, Columns, reading, write_columns
 from planner.geometry.curve import ROTARY_AXES, Curve
 from planner.geometry.tolerance import PathTolerance
-from planner.inputs import plain_number, shorten
-from planner.machine.limits import Limits, require_limits
+from planner.inputs import plain_number, require_instance, shorten
+from planner.machine.limits import RAPID, SCALARS, Limits, require_limits
+from planner.machine.machine_file import file_key
 from planner.origin import Origin
 from planner.profile import FeedrateProfile, Samples
+from planner.quantity import AXIS, limit_names
 from planner.status import Claim, Status
 from planner.types import FloatArray
 from planner.verify import Report, check
-from planner.verify.implied_columns import Nodes, limit_names
+from planner.verify.implied_columns import Nodes
 from planner.verify.report import BREAKS, HOLDS
 
 _PLAN_FORMAT = "feedplan-table 2"
@@ -39,15 +41,6 @@ _SAMPLES_FORMAT = "feedplan-samples 2"
 _UNITS = "mm, rad, s; u is the curve parameter, u_rate in 1/s, u_acceleration in 1/s^2"
 _TIME_LAW = "between two rows u(t) is the quintic that takes u, u_rate and u_acceleration of both"
 _ALONG = {"s_mm": "s", "feed_mm_s": "feed", "acceleration_mm_s2": "acceleration", "jerk_mm_s3": "jerk"}
-_SCALAR_LIMITS = {
-    "feed": "mm_s",
-    "chord_error": "mm",
-    "period": "s",
-    "tangential_acceleration": "mm_s2",
-    "tangential_jerk": "mm_s3",
-    "rapid": "mm_s",
-}
-_AXIS_LIMITS = {"velocity": "s", "acceleration": "s2", "jerk": "s3"}
 _KEYS = (
     "format",
     "units",
@@ -103,6 +96,7 @@ def write_table(path: str | Path, profile: FeedrateProfile, limits: Limits, *, r
         If the file cannot be written, the suffix is unknown, the plan has a value that is not finite, or the axes of
         the limits are not those of the curve.  Then no file is left behind.
     """
+    require_instance(profile, FeedrateProfile, "profile")
     curve = profile.curve
     limits = require_limits(curve, limits)
     report = check(curve, limits, profile) if report is None else report
@@ -157,11 +151,12 @@ def read_table(path: str | Path, curve: Curve) -> FeedrateProfile:
         that do not increase or parameters that do not reach from end to end of the curve, or shows a column or a header
         line that disagrees with its time law, the curve or its limits.
     """
+    require_instance(curve, Curve, "curve")
     wanted = ["t_s", "u", "s_mm", *_axis_columns(curve), *list(_ALONG)[1:], "binding", "u_rate", "u_acceleration"]
     with reading(path, _PLAN_FORMAT, _KEYS) as file:
         header = file.header
         _require_curve(file, curve)
-        names = limit_names(curve)
+        names = limit_names(curve.axes)
         _require_lines(file, {"axes": " ".join(curve.axes), "limit_names": ", ".join(names)})
         limits = _limits_of(file)
         columns = file.columns(wanted, {"binding": names})
@@ -226,6 +221,9 @@ def write_samples(path: str | Path, curve: Curve, samples: Samples, report: Repo
 
     Raises InputError if the file cannot be written; then none is left behind.
     """
+    require_instance(curve, Curve, "curve")
+    require_instance(samples, Samples, "samples")
+    require_instance(report, Report, "report")
     columns: dict[str, NDArray[Any]] = {"t_s": samples.t, "u": samples.u}
     columns |= {name: samples.position[:, j] for j, name in enumerate(_axis_columns(curve))}
     header = {
@@ -249,10 +247,10 @@ def _curve_lines(curve: Curve) -> dict[str, str]:
 
 def _limit_keys(axes: Sequence[str]) -> dict[str, list[str]]:
     """Header keys of every limit: one each, or one for every axis."""
-    keys = {name: [f"limit_{name}_{unit}"] for name, unit in _SCALAR_LIMITS.items()}
+    keys = {name: [f"limit_{file_key(name)}"] for name in SCALARS}
     units = ["rad" if axis in ROTARY_AXES else "mm" for axis in axes]
-    for name, per in _AXIS_LIMITS.items():
-        keys[name] = [f"limit_{name}_{axis}_{unit}_{per}" for axis, unit in zip(axes, units, strict=True)]
+    for q in AXIS:
+        keys[q.key] = [f"limit_{q.key}_{axis}_{q.suffix(unit)}" for axis, unit in zip(axes, units, strict=True)]
     return keys
 
 
@@ -261,7 +259,7 @@ def _limit_lines(axes: Sequence[str], limits: Limits) -> dict[str, str]:
         key: repr(float(value))
         for name, keys in _limit_keys(axes).items()
         for key, value in zip(keys, np.atleast_1d(getattr(limits, name)), strict=True)
-        if name != "rapid" or np.isfinite(value)
+        if name != RAPID or np.isfinite(value)
     }
 
 
@@ -269,10 +267,10 @@ def _limits_of(file: ColumnFile) -> Limits:
     axes = file.header["axes"].split()
     values: dict[str, Any] = {}
     for name, keys in _limit_keys(axes).items():
-        if name == "rapid" and keys[0] not in file.header:
+        if name == RAPID and keys[0] not in file.header:
             continue  # without a limit of their own
         row = [_number(file, key) for key in keys]
-        values[name] = row[0] if name in _SCALAR_LIMITS else row
+        values[name] = row[0] if name in SCALARS else row
     try:
         return Limits(**values, axes=axes)
     except InputError as error:

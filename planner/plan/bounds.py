@@ -14,6 +14,7 @@ import numpy as np
 from planner.certificate import Certificate, CertificateSection
 from planner.errors import InputError, SolverError
 from planner.geometry.curve import Curve
+from planner.inputs import require_instance
 from planner.machine.limits import Limits, require_limits
 from planner.plan.dual.problem import ROUNDS, Pace, best_splines
 from planner.plan.dual.terms import Multiplied, Track
@@ -85,6 +86,7 @@ def certify(curve: Curve, limits: Limits, profile: FeedrateProfile, *, intervals
         passes its check, an error of this program.
     """
     limits = require_limits(curve, limits)
+    require_instance(profile, FeedrateProfile, "profile")
     if intervals is None:
         intervals = _default_intervals(Multiplied.of(limits, curve), profile)
     if not _MIN_INTERVALS <= intervals <= _MAX_INTERVALS:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from planner.errors import InputError
+from planner.inputs import require_instance
 from planner.profile import FeedrateProfile, quintic_coefficients
 from planner.programs.path.path import ProgramPath
 from planner.programs.reading.program import ARC, LINE, RAPID, Program
@@ -116,6 +117,9 @@ def line_times(program: Program, path: ProgramPath, profile: FeedrateProfile) ->
     InputError
         If the plan is for another curve.
     """
+    require_instance(program, Program, "program")
+    require_instance(path, ProgramPath, "path")
+    require_instance(profile, FeedrateProfile, "profile")
     if profile.curve is not path.curve and profile.curve.fingerprint != path.curve.fingerprint:
         raise InputError(f"the plan is for the curve {profile.curve.name}, not for the path of {program.source}")
     edges = times_at(profile, path.u)

@@ -36,6 +36,7 @@ import numpy as np
 
 from planner.errors import InputError
 from planner.geometry.curve import Curve
+from planner.inputs import require_instance
 from planner.machine.limits import Limits, require_limits
 from planner.profile import FeedrateProfile, Samples
 from planner.verify.profile import check_profile
@@ -78,6 +79,7 @@ def check(
         If limits, curve and plan do not belong together, or an argument is not one of those above.
     """
     limits = require_limits(curve, limits)
+    require_instance(plan, (FeedrateProfile, Samples), "plan")
     if isinstance(density, bool) or not isinstance(density, int | np.integer) or density < 4:
         raise InputError(f"density = {density!r} must be an integer of at least 4")
     if not (np.isfinite(tolerance) and tolerance >= 0.0):
@@ -90,6 +92,4 @@ def check(
                 f"{curve.name} ({curve.fingerprint}); plan this curve, or check the plan on its own"
             )
         return check_profile(curve, limits, plan, int(density), rows)
-    if isinstance(plan, Samples):
-        return check_samples(curve, limits, plan, int(density), rows)
-    raise InputError(f"plan is a {type(plan).__name__}; it must be a FeedrateProfile or Samples")
+    return check_samples(curve, limits, plan, int(density), rows)

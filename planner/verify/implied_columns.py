@@ -19,10 +19,11 @@ from planner.geometry.curve import Curve
 from planner.geometry.differential import chain_rule, norm
 from planner.machine.limits import Limits
 from planner.profile import FeedrateProfile
+from planner.quantity import CHORD_ERROR, FEED, NONE, with_label
 from planner.types import FloatArray
 from planner.verify.motion import TimeLaw
 from planner.verify.peaks import IntArray
-from planner.verify.quantities import AXIS_RATES, FIRST_AXIS, names
+from planner.verify.quantities import names
 
 BINDING_SHARE = 0.995  # of a limit; above this it holds the path back
 BINDING_TOLERANCE = 1e-3  # of a limit
@@ -121,21 +122,21 @@ class Nodes:
             u = np.clip(profile.u, *curve.domain)
             own = curve.feed_caps.at(u, np.asarray(self.left, dtype=np.bool_))
             caps = np.where(np.isinf(own), limits.rapid, np.minimum(caps, own))
-        found = {"none": (none + BINDING_SHARE, none), "feed": (size[0] / caps, none)}
-        found["chord error"] = (_chord_share(_bend(self.tip), size[0] * limits.period, limits.chord_error), none)
-        rates = _slowed(profile) ** np.arange(4)[:, None]
-        found["feed"], found["chord error"] = ((found[name][0] * rates[1], none) for name in ("feed", "chord error"))
-        rows = [("tangential acceleration", 1, limits.tangential_acceleration, rates[2])]
-        rows += [("tangential jerk", 2, limits.tangential_jerk, rates[3])]
-        for k, name in enumerate(AXIS_RATES):
-            rows += [
-                (f"{name} {axis}", FIRST_AXIS + k * curve.dim + j, float(getattr(limits, name)[j]), rates[k + 1])
-                for j, axis in enumerate(curve.axes)
-            ]
+        slowed = _slowed(profile)
+        chord = _chord_share(
+            _bend(self.tip), size[0] * limits.period, limits.chord_error
+        )  # of its length, not its error
+        found = {NONE: (none + BINDING_SHARE, none), FEED.label: (size[0] / caps * slowed, none)}
+        found[CHORD_ERROR.label] = (chord * slowed, none)
         with np.errstate(over="ignore", invalid="ignore"):
-            for name, row, allowed, rate in rows:
+            for row, (name, j) in enumerate(names(curve.dim)):
+                quantity = with_label(name)
+                if quantity is None or quantity is FEED:
+                    continue
+                rate, allowed = slowed**quantity.power, limits.of(quantity)[max(j, 0)]
                 shares = (size[row] * rate / allowed, self.slack[row] * rate / allowed)
-                found[name] = (np.nan_to_num(shares[0]), np.nan_to_num(shares[1]))
+                axis = curve.axes[j] if j >= 0 else ""
+                found[quantity.of(axis)] = (np.nan_to_num(shares[0]), np.nan_to_num(shares[1]))
         return found
 
     def misnamed(self, limits: Limits) -> IntArray:
@@ -148,12 +149,6 @@ class Nodes:
         named = share[np.where(known, profile.binding, 0), np.arange(profile.t.size)]
         granted = BINDING_TOLERANCE + _SLACKS * np.where(every >= named - BINDING_TOLERANCE, slack, 0.0).max(axis=0)
         return np.flatnonzero(~known | ~(named >= every.max(axis=0) - granted))
-
-
-def limit_names(curve: Curve) -> tuple[str, ...]:
-    """Every limit that a plan on a curve can name, "none" first."""
-    along = ("none", "feed", "chord error", "tangential acceleration", "tangential jerk")
-    return (*along, *(f"{name} {axis}" for name in AXIS_RATES for axis in curve.axes))
 
 
 def _slowed(profile: FeedrateProfile) -> FloatArray:

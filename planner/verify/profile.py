@@ -8,6 +8,7 @@ from planner.errors import InputError
 from planner.geometry.curve import Curve
 from planner.machine.limits import Limits
 from planner.profile import FeedrateProfile
+from planner.quantity import AXIS, FEED, JERK, QUANTITIES, Quantity
 from planner.verify.chords import profile_chord
 from planner.verify.implied_columns import Nodes
 from planner.verify.meanjerk import mean_jerks
@@ -30,17 +31,18 @@ def check_profile(curve: Curve, limits: Limits, profile: FeedrateProfile, densit
     rows.rows = []
     turning_back = VELOCITY_STEP * float(np.abs(profile.u_rate).max())
     means = mean_jerks(motion)
+    allowed = {(q.label, j): value for q in QUANTITIES for j, value in _places(limits, q)}
     for name, j, worst, slack, place in worst_of(motion, scan, density):
-        if name == "jerk" and means[j][0] - means[j][1] > worst - slack:
+        if name == JERK.label and means[j][0] - means[j][1] > worst - slack:
             rows.add(name, means[j][0], limits.jerk[j], means[j][2], slack=means[j][1], j=j)
         elif j >= 0:
-            rows.add(name, worst, getattr(limits, name)[j], place, slack=slack, j=j)
-        elif name == "feed" and curve.feed_caps is not None:
+            rows.add(name, worst, allowed[name, j], place, slack=slack, j=j)
+        elif name == FEED.label and curve.feed_caps is not None:
             rows.add(name, *feed_under(motion, machine_caps(curve.feed_caps, limits), density), slack=slack)
         elif name == "reversal":
             rows.add(name, worst, 0.0, place, slack=slack + turning_back)
         else:
-            rows.add(name, worst, getattr(limits, name.replace(" ", "_")), place, slack=slack)
+            rows.add(name, worst, allowed[name, j], place, slack=slack)
     if curve.feed_caps is not None:
         rows.add("programmed feed", *feed_under(motion, curve.feed_caps, density))
     worst, place = profile_chord(motion, limits.period)
@@ -50,6 +52,11 @@ def check_profile(curve: Curve, limits: Limits, profile: FeedrateProfile, densit
     check_corners(motion, scan, limits, rows)
     ends = motion.measure(np.array([0, motion.interval.size - 1]), np.array([[0.0], [1.0]]))[0][:2, :, 0]
     return Report(tuple(rows.rows + table), *(float(value) for value in ends.reshape(-1)))
+
+
+def _places(limits: Limits, quantity: Quantity) -> list[tuple[int, float]]:
+    """Limits on a quantity with their axes, -1 of the path."""
+    return list(enumerate(limits.of(quantity), start=0 if quantity in AXIS else -1))
 
 
 def _check_table(curve: Curve, limits: Limits, profile: FeedrateProfile, rows: Rows) -> bool:

@@ -8,18 +8,23 @@ from __future__ import annotations
 
 import numpy as np
 
+from planner.quantity import AXIS, FEED, TANGENTIAL, Quantity
 from planner.types import FloatArray
 
-AXIS_RATES = ("velocity", "acceleration", "jerk")
-_TIP_RATES = ("feed", "tangential acceleration", "tangential jerk")
+_TIP_RATES = (FEED, *TANGENTIAL)
 REVERSAL = len(_TIP_RATES)  # row of -u'
 FIRST_AXIS = REVERSAL + 1  # row of the velocity of the first axis
 
 
 def names(dim: int) -> tuple[tuple[str, int], ...]:
     """Limit and axis (-1: none) of each row."""
-    single = (*_TIP_RATES, "reversal")
-    return (*((name, -1) for name in single), *((what, j) for what in AXIS_RATES for j in range(dim)))
+    single = (*(q.label for q in _TIP_RATES), "reversal")
+    return (*((name, -1) for name in single), *((q.label, j) for q in AXIS for j in range(dim)))
+
+
+def row_of(quantity: Quantity) -> int:
+    """Row of a quantity of the path."""
+    return _TIP_RATES.index(quantity)
 
 
 def axis_rows(dim: int, k: int) -> slice:

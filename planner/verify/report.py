@@ -8,6 +8,7 @@ import numpy as np
 
 from planner.errors import InputError
 from planner.geometry.curve import Curve
+from planner.quantity import ACCELERATION, AXIS, FEED, JERK, PATH, TANGENTIAL_ACCELERATION, VELOCITY
 
 HOLDS, BREAKS = "every limit holds", "BREAKS ITS LIMITS"
 
@@ -15,19 +16,14 @@ Place = tuple[float, float]  # (t, u)
 
 # Unit of each row; of a row about an axis, what follows the axis' own unit.
 _UNITS = {
-    "feed": "mm/s",
-    "programmed feed": "mm/s",
-    "chord error": "mm",
-    "velocity": "/s",
-    "acceleration": "/s^2",
-    "jerk": "/s^3",
-    "tangential acceleration": "mm/s^2",
-    "tangential jerk": "mm/s^3",
-    "velocity step": "/s",
-    "acceleration step": "/s^2",
-    "tangential step": "mm/s^2",
-    "step on a smooth path": "/s^2",
-    "jerk at a curvature break": "/s^3",
+    **{q.label: q.unit() for q in PATH},
+    **{q.label: q.per_time for q in AXIS},
+    "programmed feed": FEED.unit(),
+    "velocity step": VELOCITY.per_time,
+    "acceleration step": ACCELERATION.per_time,
+    "tangential step": TANGENTIAL_ACCELERATION.unit(),
+    "step on a smooth path": ACCELERATION.per_time,
+    "jerk at a curvature break": JERK.per_time,
     "reversal": "1/s",
     "path start": "mm",
     "path end": "mm",
@@ -48,8 +44,7 @@ class Row:
     Attributes
     ----------
     limit : str
-        "feed", "programmed feed" (against the curve's own caps), "chord error", "velocity", "acceleration", "jerk",
-        "tangential acceleration", "tangential jerk",
+        What is limited, by its label in :mod:`planner.quantity`; "programmed feed" (against the curve's own caps),
         "velocity step", "acceleration step", "tangential step", "step on a smooth path", "jerk at a curvature break",
         "exact stop", "acceleration at an exact stop"; or what makes the plan one at all: "reversal", "path start",
         "path end", "path error", "position step", "table columns" (largest error over what rounding grants),

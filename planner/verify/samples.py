@@ -11,9 +11,9 @@ from planner.geometry.curve import Curve, FeedCaps
 from planner.geometry.differential import dot, norm
 from planner.machine.limits import Limits
 from planner.profile import Samples
+from planner.quantity import AXIS, TANGENTIAL
 from planner.types import FloatArray
 from planner.verify.chords import sample_chord
-from planner.verify.quantities import AXIS_RATES
 from planner.verify.report import Place, Report, Rows
 from planner.verify.scan import machine_caps
 from planner.verify.sizes import EPS, extent, group_sizes, position_rounding
@@ -49,23 +49,25 @@ def check_samples(curve: Curve, limits: Limits, samples: Samples, density: int, 
     slope = np.abs(curve.derivatives(u, 1)[1] * u[:, None]).max(axis=0)
     rounding = EPS * (np.abs(samples.position).max(axis=0) + 0.5 * slope)
     moving, before = _held(samples, samples.position)
-    for n, name in enumerate(AXIS_RATES, start=1):
+    for q in AXIS:
+        n = q.order
         sizes = np.abs(np.diff(moving, n, axis=0)) / period**n
         for j in range(curve.dim):
             k = int(sizes[:, j].argmax())
             slack = 2.0**n * rounding[j] / period**n
             place = _middle(samples, k - before + 0.5 * n)
-            rows.add(name, sizes[k, j], getattr(limits, name)[j], place, slack=slack, j=j)
-    compared = bool(np.isfinite([limits.tangential_acceleration, limits.tangential_jerk]).any())
+            rows.add(q.label, sizes[k, j], limits.of(q)[j], place, slack=slack, j=j)
+    compared = bool(np.isfinite([limits.of(q) for q in TANGENTIAL]).any())
     steps, off = tip_steps(curve, u, exact=compared)
     moving, before = _held(samples, steps, resting=0.0)
-    for n, name in ((2, "tangential acceleration"), (3, "tangential jerk")):
+    for q in TANGENTIAL:
+        n = q.order
         size = np.abs(np.diff(moving, n - 1)) / period**n
         if size.size == 0:
             continue
         k = int(size.argmax())
-        allowed = getattr(limits, name.replace(" ", "_"))
-        rows.add(name, size[k], allowed, _middle(samples, k - before + 0.5 * n), slack=2.0**n * off / period**n)
+        place = _middle(samples, k - before + 0.5 * n)
+        rows.add(q.label, size[k], limits.of(q)[0], place, slack=2.0**n * off / period**n)
     change = np.diff(feeds) / period if feeds.size > 1 else np.zeros(1)
     ends = (feeds[0], feeds[-1], change[0], change[-1])
     return Report(tuple(rows.rows + table), *(float(value) for value in ends))

@@ -6,11 +6,12 @@ import numpy as np
 
 from planner.geometry.curve import Curve
 from planner.machine.limits import Limits
+from planner.quantity import TANGENTIAL_ACCELERATION
 from planner.types import FloatArray
 from planner.verify.certificate.places import Places
 from planner.verify.motion import Motion
 from planner.verify.peaks import CANDIDATES, chunks, peaks, zoom
-from planner.verify.quantities import axis_rows, names
+from planner.verify.quantities import axis_rows, row_of
 from planner.verify.report import Rows
 from planner.verify.scan import Scan
 from planner.verify.sizes import VELOCITY_STEP, group_sizes
@@ -46,7 +47,7 @@ def check_steps(motion: Motion, scan: Scan, limits: Limits, rows: Rows, density:
         # The step that alone, once sampled, would use up the jerk.
         alone = limits.jerk[j] * period / _STEP_PEAK
         rows.add("acceleration step", sizes[1, k, j], alone, (t[k], u[k]), slack=slack, j=j)
-    k, size = int(along.argmax()), float(scan.largest[names(dim).index(("tangential acceleration", -1))])
+    k, size = int(along.argmax()), float(scan.largest[row_of(TANGENTIAL_ACCELERATION)])
     alone = limits.tangential_jerk * period / _STEP_PEAK
     rows.add("tangential step", along[k], alone, (t[k], u[k]), slack=_ACCELERATION_STEP * size)
     found = np.flatnonzero((sizes[1] > _ACCELERATION_STEP * acceleration).any(axis=1))

@@ -26,6 +26,7 @@ from planner.machine.limits import Limits, chord_feed_limit, commanded_feed
 from planner.plan.knots import Grid
 from planner.plan.rows import path_at
 from planner.plan.section import Section, axis_weights
+from planner.quantity import ACCELERATION, JERK, motion_names
 from planner.types import FloatArray
 
 _REVERSAL_SAMPLES = 33  # of a piece
@@ -58,13 +59,11 @@ class Multiplied:
     @classmethod
     def of(cls, limits: Limits, curve: Curve) -> Multiplied:
         """Find them; the arc length of a tip that turns back has no second derivative there, and takes no part."""
-        jerk = np.append(limits.jerk, limits.tangential_jerk)
-        acceleration = np.append(limits.acceleration, limits.tangential_acceleration)
+        jerk, acceleration = limits.of_motions(JERK.order), limits.of_motions(ACCELERATION.order)
         if np.isfinite([jerk[-1], acceleration[-1]]).any() and _turns_back(curve):
             jerk[-1] = acceleration[-1] = np.inf
         some_j, some_a = np.flatnonzero(np.isfinite(jerk)), np.flatnonzero(np.isfinite(acceleration))
-        names_j = (*(f"jerk {axis}" for axis in curve.axes), "tangential jerk")
-        names_a = (*(f"acceleration {axis}" for axis in curve.axes), "tangential acceleration")
+        names_j, names_a = (motion_names(q.order, curve.axes) for q in (JERK, ACCELERATION))
         return cls(
             some_j,
             some_a,
@@ -259,8 +258,8 @@ class Track:
         # A motion that hardly takes part says little, and rounding could be all there is of its way.
         share = np.abs(first[:-1]) * axis_weights(limits)[:, None]
         first = np.vstack([np.where(share >= _LEAST_SHARE * share.max(axis=0), first[:-1], 0.0), first[-1:]])
-        acceleration = np.append(limits.acceleration, limits.tangential_acceleration)[:, None]
-        jerk = np.append(limits.jerk, limits.tangential_jerk)[:, None]
+        acceleration = limits.of_motions(ACCELERATION.order)[:, None]
+        jerk = limits.of_motions(JERK.order)[:, None]
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             by_acceleration = (v0[:, None] ** 2 + 2.0 * acceleration * way) / first**2
             by_jerk = np.where(ramps, np.cbrt(1.5 * np.sqrt(2.0 * jerk) * way) ** 4 / first**2, np.inf)

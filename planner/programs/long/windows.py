@@ -195,7 +195,7 @@ def _path_source(program: Program, limits: Limits, tolerance: float | None) -> P
         tolerance = positive_number(tolerance, "tolerance")
         if not np.isfinite(tolerance):
             raise InputError("tolerance = inf mm must be finite")
-    program.require_axes(limits)
+    limits = program.require_axes(limits)
     if not (program.lengths > 0.0).any():
         raise InputError(
             f"{program.source}: the program moves nothing, in the digits of its numbers; a plan needs a move"

@@ -19,7 +19,7 @@ from planner.errors import InputError, SolverError
 from planner.geometry.chain import ChainCurve, Kind
 from planner.geometry.curve import FeedCaps
 from planner.geometry.tolerance import PathTolerance
-from planner.inputs import positive_number
+from planner.inputs import positive_number, require_instance
 from planner.machine.limits import Limits
 from planner.programs.path import tube_knots as knotting
 from planner.programs.path.absorb import Absorbed, absorb
@@ -123,11 +123,12 @@ def program_path(program: Program, tolerance: float | None, limits: Limits) -> P
     CurveError
         If the program moves nothing.
     """
+    require_instance(program, Program, "program")
     if tolerance is not None:
         tolerance = positive_number(tolerance, "tolerance")
         if not np.isfinite(tolerance):
             raise InputError("tolerance = inf mm must be finite")
-    program.require_axes(limits)
+    limits = program.require_axes(limits)
     given = Blocks.of(program, tolerance)
     absorbed = absorb(program, given)
     blocks = Blocks.of(absorbed.program, None, moving_axes(program))

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputError
+from planner.inputs import require_instance
 from planner.machine.limits import Limits
 from planner.types import FloatArray
 
@@ -130,8 +131,15 @@ class Program:
         travel.setflags(write=False)
         return travel
 
-    def require_axes(self, limits: Limits) -> None:
-        """Raise InputError, with file and line, where the program names an axis that the machine lacks."""
+    def require_axes(self, limits: Limits) -> Limits:
+        """Limits with axes: the machine's, or of one number for every axis those that the program names.
+
+        Raises InputError, with file and line, where the program names an axis that the machine lacks.
+        """
+        require_instance(limits, Limits, "limits")
+        if not limits.axes:
+            named = [name for name, line in zip(AXES, self.axis_lines, strict=True) if line > 0]
+            return limits.for_axes(named, self.source) if named else limits
         missing = [
             (int(line), name)
             for name, line in zip(AXES, self.axis_lines, strict=True)
@@ -142,6 +150,7 @@ class Program:
             raise InputError(
                 f"{self.source}:{line}: {name}: the machine has no axis {name}; its axes are {', '.join(limits.axes)}"
             )
+        return limits
 
 
 def rows_of(program: Program, rows: slice | NDArray[np.intp]) -> Program:

@@ -37,6 +37,7 @@ from planner.geometry.curve import Curve
 from planner.geometry.differential import dot
 from planner.machine.limits import Limits, require_limits
 from planner.profile import FeedrateProfile
+from planner.quantity import ACCELERATION, JERK, Quantity, motion_names
 from planner.types import FloatArray
 from planner.verify.certificate.atoms import Side, end_term, passed, seam, sides, spared_around, stepped
 from planner.verify.certificate.multipliers import IntArray, Multipliers, require_increasing
@@ -197,8 +198,8 @@ class _Section:
     @classmethod
     def of(cls, curve: Curve, limits: Limits, certificate: Certificate, k: int, places: Places) -> _Section:
         data = certificate.sections[k]
-        jerk = [_motion(curve, name, "jerk") for name in certificate.jerk_names]
-        acceleration = [_motion(curve, name, "acceleration") for name in certificate.acceleration_names]
+        jerk = [_motion(curve, name, JERK) for name in certificate.jerk_names]
+        acceleration = [_motion(curve, name, ACCELERATION) for name in certificate.acceleration_names]
         parts = Multipliers.of(data, jerk, acceleration, curve.dim + 1)
         require_increasing(parts, f"section {k}")
         breaks, jumps = places.inside(data, f"section {k} of the certificate")
@@ -275,9 +276,9 @@ def _end_speeds(curve: Curve, limits: Limits, parts: Multipliers, feed: float, e
     return np.asarray(np.abs(first) * (feed / first[-1]))
 
 
-def _motion(curve: Curve, name: str, what: str) -> int:
+def _motion(curve: Curve, name: str, quantity: Quantity) -> int:
     """Index of the motion that a limit is of: an axis, or after them the tip's arc length."""
-    names = [*(f"{what} {axis}" for axis in curve.axes), f"tangential {what}"]
+    names = motion_names(quantity.order, curve.axes)
     if name not in names:
         raise InputError(f'the certificate has multipliers of "{name}"; known are {", ".join(names)}')
     return names.index(name)

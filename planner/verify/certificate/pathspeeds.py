@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from planner.geometry.curve import Curve
 from planner.geometry.differential import curvature, dot
 from planner.machine.limits import Limits
+from planner.quantity import ACCELERATION, JERK
 from planner.types import FloatArray
 from planner.verify.certificate.multipliers import IntArray, Multipliers
 
@@ -29,8 +30,8 @@ class Bounds:
         """Read them from the limits; the feed is not among them, it changes along a program."""
         return cls(
             np.append(limits.velocity, np.inf),
-            np.append(limits.acceleration, limits.tangential_acceleration),
-            np.append(limits.jerk, limits.tangential_jerk),
+            limits.of_motions(ACCELERATION.order),
+            limits.of_motions(JERK.order),
         )
 
 
