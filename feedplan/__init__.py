@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 from planner import __version__ as __version__
 
 if TYPE_CHECKING:
+    from feedplan.job import Job, load_job, load_job_of_table, plan_and_check
     from feedplan.page import write_report
     from feedplan.verdict import Verdict
     from interp import (
@@ -84,6 +85,13 @@ if TYPE_CHECKING:
         write_program,
         write_table,
     )
+    from planner.certificate import Certificate
+    from planner.output.certificate_file import read_certificate, write_certificate
+    from planner.output.plots import plot_plan, save_plot
+    from planner.output.table import write_samples
+    from planner.plan.bounds import Bound
+    from planner.programs.times import write_line_times
+    from planner.verify.certificate import BoundReport, verify_bound, verify_plan_bound
 
 __all__ = [
     "CATALOG",
@@ -91,8 +99,11 @@ __all__ = [
     "XY_TABLE",
     "AdaptiveLimits",
     "AxisDrive",
+    "Bound",
+    "BoundReport",
     "Break",
     "BrokenLimitError",
+    "Certificate",
     "Curve",
     "CurveError",
     "FeedShape",
@@ -104,6 +115,7 @@ __all__ = [
     "InfeasibleError",
     "InputError",
     "InterpolatorTable",
+    "Job",
     "Limits",
     "LineTimes",
     "ProfileStates",
@@ -129,30 +141,49 @@ __all__ = [
     "interpolate_shape",
     "line_times",
     "load_curve",
+    "load_job",
+    "load_job_of_table",
     "load_limits",
+    "plan_and_check",
     "plan_feedrate",
     "plan_program",
+    "plot_plan",
     "program_path",
     "quintic_step",
+    "read_certificate",
     "read_dxf",
     "read_points",
     "read_program",
     "read_table",
     "replay",
     "replay_form",
+    "save_plot",
     "start",
     "table_limits",
     "taylor_step",
     "track",
+    "verify_bound",
+    "verify_plan_bound",
+    "write_certificate",
+    "write_line_times",
     "write_ngc",
     "write_program",
     "write_report",
+    "write_samples",
     "write_table",
 ]
 
 _HOME = {
+    "feedplan.job": ("Job", "load_job", "load_job_of_table", "plan_and_check"),
     "feedplan.page": ("write_report",),
     "feedplan.verdict": ("Verdict",),
+    "planner.certificate": ("Certificate",),
+    "planner.output.certificate_file": ("read_certificate", "write_certificate"),
+    "planner.output.plots": ("plot_plan", "save_plot"),
+    "planner.output.table": ("write_samples",),
+    "planner.plan.bounds": ("Bound",),
+    "planner.programs.times": ("write_line_times",),
+    "planner.verify.certificate": ("BoundReport", "verify_bound", "verify_plan_bound"),
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 

@@ -1,40 +1,64 @@
-"""What a command works on: a curve and the machine's limits for it, or a part program made into a curve."""
+"""One door: load -> plan -> replay -> check -> Verdict.
+
+    verdict = plan_and_check("part.ngc", "mill.toml", tolerance=0.01)
+    print(verdict.ok, verdict.profile.duration, verdict.gap)
+
+A :class:`Job` is a curve with the limits on it, wherever both come from; its methods are the steps, in this order:
+``plan``, ``bound``, ``replay``, ``check``, and ``run`` and ``judge``, which take them.  The command line, the comparison and
+the benchmarks call these and hold no step of their own.
+"""
 
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from feedplan.sources import SourceCurve, is_program, plain_curve, program_curve, tolerance_of_table
 from planner.errors import InputError
 
 if TYPE_CHECKING:
-    from feedplan.progress import ProgressLine
     from feedplan.verdict import Verdict
     from planner.geometry.curve import Curve
     from planner.machine.limits import Limits
     from planner.output.ngc import Mode, WrittenProgram
-    from planner.profile import FeedrateProfile
+    from planner.profile import FeedrateProfile, Samples
     from planner.programs.path.path import ProgramPath
     from planner.programs.reading.program import Program
     from planner.programs.times import LineTimes
+    from planner.types import Progress
+    from planner.verify import Report
 
-PROGRAM_SUFFIXES = (".ngc", ".nc", ".tap")
-# Of the tolerance, where a program is written too: the path takes this, and the lines of the program the rest.
-PATH_SHARE = 0.75
-DEFAULT_TOLERANCE = 0.01  # mm
-_LONG = 20_000  # moves
-_POINTS_TOLERANCE = 1e-3  # mm, of the points of a CSV file
+UNBOUNDED = "toppra"
+"""The method without a jerk limit: its plans are compared with, and their time is not bounded."""
+
+
+def _silent(message: str, fraction: float | None = None) -> None:
+    """Show no progress."""
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
-    """A curve with the limits on it; program and path where it comes from a part program.
+class Job:
+    """A curve and the limits on it.
 
-    ``room`` is the distance, mm, that the lines of a program written from the plan may leave the curve by, ``facts`` what
-    the verdict says of where it comes from.
+    Attributes
+    ----------
+    curve : Curve
+    limits : Limits
+        On the axes of the curve.
+    machine : str
+        Where the limits come from, for a person.
+    program : Program, optional
+        The part program the curve was made from.
+    path : ProgramPath, optional
+        What was made of it; its curve is ``curve``.
+    room : float
+        Distance that the lines of a program written from the plan may leave the curve by, mm.
+    facts : tuple of (str, str)
+        What the verdict says of where the curve comes from.
     """
 
     curve: Curve
@@ -45,40 +69,127 @@ class Part:
     room: float = 0.0
     facts: tuple[tuple[str, str], ...] = ()
 
-    def plan(self, line: ProgressLine, **options: Any) -> FeedrateProfile:
-        """Plan the curve; options as for ``plan_feedrate``."""
+    @classmethod
+    def of(cls, found: SourceCurve, limits: Limits, machine: str) -> Job:
+        """Put a curve and the limits of a machine together, which may have more axes."""
+        own = limits.for_curve(found.curve)
+        return cls(found.curve, own, machine, found.program, found.path, found.room, found.facts)
+
+    def run(
+        self, progress: Progress = _silent, *, bound: bool = True, certificate: Path | None = None, **options: Any
+    ) -> Verdict:
+        """Plan, bound, replay and check.
+
+        Parameters
+        ----------
+        progress : callable
+            Is told what is being done, and which share of it is done where that is known.
+        bound : bool
+            Bound the time from below as closely as can be; else the verdict has the bound that every plan carries.
+        certificate : Path, optional
+            The proof of the bound is written there, ``.npz``, and verified.
+        options
+            As for :func:`planner.plan_feedrate`.
+
+        Raises
+        ------
+        FeedrateError
+            If there is no plan, or no certificate.
+        """
+        began = time.perf_counter()
+        profile = self.plan(progress, **options)
+        seconds = time.perf_counter() - began
+        if bound and profile.method != UNBOUNDED:
+            profile = self.bound(profile, progress, certificate=certificate)
+        verdict = self.judge(profile, progress, seconds=seconds)
+        return verdict if certificate is None else self.prove(verdict, certificate, progress)
+
+    def plan(self, progress: Progress = _silent, **options: Any) -> FeedrateProfile:
+        """Plan the curve; options as for :func:`planner.plan_feedrate`."""
         from planner import plan_feedrate
 
-        return plan_feedrate(self.curve, self.limits, progress=line, **options)
+        return plan_feedrate(self.curve, self.limits, progress=progress, **options)
 
-    def judge(
-        self, profile: FeedrateProfile, line: ProgressLine, *, seconds: float = math.nan, files: tuple[str, ...] = ()
-    ) -> Verdict:
-        """Check a plan and the samples of it, each on its own."""
+    def bound(
+        self, profile: FeedrateProfile, progress: Progress = _silent, *, certificate: Path | None = None
+    ) -> FeedrateProfile:
+        """Bound the time of every plan from below, and write the certificate of that if a file is given.
+
+        A plan is not lost for want of a bound: it then has none, and a note says why; but where a certificate is wanted
+        the error is raised.
+        """
+        from planner import SolverError, certify
+
+        progress("bounding the time from below", None)
+        try:
+            found = certify(self.curve, self.limits, profile)
+        except SolverError as error:
+            if certificate is not None:
+                raise
+            return replace(profile, lower_bound=math.nan, notes=(*profile.notes, f"no lower bound: {error}"))
+        if certificate is not None:
+            from planner.output.certificate_file import write_certificate
+
+            progress(f"writing {certificate}", None)
+            write_certificate(certificate, found.certificate)
+        return replace(profile, lower_bound=float(found))
+
+    def replay(self, profile: FeedrateProfile, period: float | None = None, *, order: int = 5) -> Samples:
+        """Sample a plan once a period, that of the limits if left out."""
         import interp
-        from feedplan.verdict import Verdict
+
+        return interp.replay(self.curve, profile, self.limits.period if period is None else period, order=order)
+
+    def check(self, plan: FeedrateProfile | Samples) -> Report:
+        """Measure a plan, or samples, against the limits."""
         from planner import check
 
-        curve, limits = self.curve, self.limits
-        line("checking the plan")
-        plan_report = check(curve, limits, profile)
-        line("checking the samples")
-        samples = interp.replay(curve, profile, limits.period)
-        samples_report = check(curve, limits, samples)
-        return Verdict(
-            profile, limits, self.machine, samples, plan_report, samples_report, seconds, files, self.path, self.facts
-        )
+        return check(self.curve, self.limits, plan)
+
+    def judge(
+        self,
+        profile: FeedrateProfile,
+        progress: Progress = _silent,
+        *,
+        seconds: float = math.nan,
+        files: tuple[str, ...] = (),
+    ) -> Verdict:
+        """Check a plan and the samples of it, each on its own; ``seconds`` is what it took to plan."""
+        from feedplan.verdict import Verdict
+
+        progress("checking the plan", None)
+        plan_report = self.check(profile)
+        progress("checking the samples", None)
+        samples = self.replay(profile)
+        reports = plan_report, self.check(samples)
+        return Verdict(profile, self.limits, self.machine, samples, *reports, seconds, files, self.path, self.facts)
+
+    def prove(self, verdict: Verdict, certificate: Path, progress: Progress = _silent) -> Verdict:
+        """Add what the certificate in a file proves of the lower bound of this job's plans."""
+        from planner.output.certificate_file import read_certificate
+        from planner.verify.certificate import verify_plan_bound
+
+        progress("verifying the lower bound", None)
+        found = read_certificate(certificate)
+        return replace(verdict, proof=verify_plan_bound(self.curve, self.limits, found, verdict.profile))
+
+    def without_jerk(self) -> Job:
+        """The same without a jerk limit."""
+        return replace(self, limits=self.limits.without_jerk())
 
     def line_times(self, profile: FeedrateProfile) -> LineTimes:
-        """Share the time of a plan out among the lines of the program."""
+        """Share the time of a plan out among the lines of the program.
+
+        Raises InputError where the curve is of no program.
+        """
         from planner.programs.times import line_times
 
         if self.program is None or self.path is None:
-            raise AssertionError("only a part program has lines")
+            raise InputError(f"{self.curve.name} has no lines; their times need a part program")
         return line_times(self.program, self.path, profile)
 
     def write(self, file: Path, profile: FeedrateProfile, mode: Mode, **options: Any) -> WrittenProgram:
-        """Write a program of the plan."""
+        """Write a program of the plan for LinuxCNC; options as for :func:`planner.write_ngc`."""
         from planner.output.ngc import write_ngc
         from planner.output.ngc_program import write_program
 
@@ -87,200 +198,145 @@ class Part:
         return write_program(file, self.program, self.path, profile, tolerance=self.room, mode=mode, **options)
 
 
-def is_program(source: str) -> bool:
-    """Whether the name of a curve is that of a part program."""
-    return Path(source).suffix.lower() in PROGRAM_SUFFIXES
+def plan_and_check(
+    source: str | Path | Curve,
+    machine: str | Path | Limits | None = None,
+    *,
+    scale: float = 1.0,
+    feed: float | None = None,
+    period: float | None = None,
+    tolerance: float | None = None,
+    bound: bool = True,
+    progress: Progress = _silent,
+    **options: Any,
+) -> Verdict:
+    """Load a curve and a machine, plan, replay, check, and say what was found: all that ``feedplan plan`` does.
+
+    Parameters
+    ----------
+    source, machine, scale, feed, period, tolerance
+        As for :func:`load_job`.
+    bound, progress, options
+        As for :meth:`Job.run`; options are those of :func:`planner.plan_feedrate`: ``method``, ``start_feed``,
+        ``end_feed``, ``periodic``, ``exact_stop``, ``intervals``, ``budget``.
+
+    Returns
+    -------
+    Verdict
+        ``ok`` says whether every limit holds; ``profile``, ``samples``, their reports and the lower bound are in it.
+
+    Raises
+    ------
+    InputError
+        If something given is not as it must be.
+    InfeasibleError, SolverError
+        If there is no plan.
+
+    Examples
+    --------
+    >>> plan_and_check("butterfly-nurbs", "mill").ok
+    True
+    """
+    job = load_job(source, machine, scale=scale, feed=feed, period=period, tolerance=tolerance)
+    return job.run(progress, bound=bound, **options)
 
 
-def _is_points(source: str) -> bool:
-    return Path(source).suffix.lower() == ".csv"
-
-
-def require_program(source: str, what: str) -> None:
-    """Refuse a curve without lines."""
-    if not is_program(source):
-        raise InputError(f"{source} has no lines; {what} needs a part program, {', '.join(PROGRAM_SUFFIXES)}")
-
-
-def load_part(
-    source: str,
-    scale: float,
-    machine: str | None,
-    feed: float | None,
-    period: float | None,
+def load_job(
+    source: str | Path | Curve,
+    machine: str | Path | Limits | None = None,
+    *,
+    scale: float = 1.0,
+    feed: float | None = None,
+    period: float | None = None,
     tolerance: float | None = None,
     share: float = 1.0,
     notice: Callable[[str], None] | None = None,
-) -> Part:
+) -> Job:
     """Load a curve, or a part program as a path, and the limits of a machine.
 
-    ``notice`` is told what is no error and yet worth knowing. Of the tolerance the path takes ``share``, less than 1
-    where a program is to be written; without a machine, the example that has the curve's axes counts.
+    Parameters
+    ----------
+    source : str, Path or Curve
+        The name or file of a curve, as :func:`planner.load_curve` takes it, a part program, or a curve.
+    machine : str, Path or Limits, optional
+        A machine file or an example machine, or limits; left out, the example that has the curve's axes.
+    scale : float
+        Multiplies the linear axes; of a curve by name or from a file of one.
+    feed : float, optional
+        Commanded feed, mm/s, in place of the machine's.
+    period : float, optional
+        Interpolation period, s, in place of the machine's.
+    tolerance : float, optional
+        Largest distance of the curve from a part program, in place of its P words, or from points, mm.
+    share : float
+        Part of the tolerance that the curve takes, less than 1 where a program is to be written from the plan.
+    notice : callable, optional
+        Is told what is no error and yet worth knowing.
+
+    Raises
+    ------
+    InputError
+        If something given is not as it must be, or does not fit the rest.
     """
-    from planner import read_program
-    from planner.geometry.curve import ROTARY_AXES
+    from planner.geometry.curve import ROTARY_AXES, Curve
 
     tolerance = _positive(tolerance)
-    if is_program(source):
-        _require_scale(source, scale)
+    if not isinstance(source, Curve) and is_program(source):
         limits, named = load_machine(machine)
         limits = _changed(limits, feed, period)
-        program = read_program(source)
-        if len(program) > _LONG and notice is not None:
-            notice(
-                f"{source}: {len(program)} moves are planned as a whole here, which takes memory; "
-                "feedplan windows plans any number"
-            )
-        return _part(source, program, limits, named, tolerance, share)
-    plain = _load_plain(source, scale, tolerance, share)
-    example = "five-axis" if ROTARY_AXES & set(plain.curve.axes) else "mill"
-    limits, named = load_machine(machine, example)
-    return plain.part(_changed(limits.for_curve(plain.curve), feed, period), named)
+        return Job.of(program_curve(source, scale, limits, tolerance, share, notice), limits, named)
+    found = plain_curve(source, scale, tolerance, share)
+    limits, named = load_machine(machine, "five-axis" if ROTARY_AXES & set(found.curve.axes) else "mill")
+    return Job.of(found, _changed(limits.for_curve(found.curve), feed, period), named)
 
 
-def load_machine(machine: str | None, example: str = "mill") -> tuple[Limits, str]:
+def load_machine(machine: str | Path | Limits | None, example: str = "mill") -> tuple[Limits, str]:
     """Load the limits of a machine, or of an example where none is given; with them comes what to call it."""
-    from planner import load_limits
+    from planner import Limits, load_limits
 
     if machine is None:
         return load_limits(example), f"{example} (example machine)"
-    return load_limits(machine), machine
+    if isinstance(machine, Limits):
+        return machine, "limits given"
+    return load_limits(machine), str(machine)
 
 
-def load_part_of_table(
-    table: Path, source: str, scale: float, machine: str | None, tolerance: float | None = None
-) -> Part:
+def load_job_of_table(
+    table: Path,
+    source: str | Path | Curve,
+    machine: str | Path | Limits | None = None,
+    *,
+    scale: float = 1.0,
+    tolerance: float | None = None,
+) -> Job:
     """Load the curve a table was planned for, and the limits of a machine; without one, those in the table's header.
 
     The path of a part program depends on the limits it was made for and on the tolerance: both stand in the header.
+    Arguments as for :func:`load_job`; the plan itself is read by :func:`planner.read_table`.
     """
-    from planner import read_program, table_limits
-    from planner.geometry.tolerance import PathTolerance
-    from planner.output.table import table_origin
+    from planner import table_limits
+    from planner.geometry.curve import Curve
 
-    own, said = table_limits(table), table_origin(table).tolerance or PathTolerance(None)
-    tolerance = _positive(tolerance)
-    # A table of an exact curve says no tolerance: one that does is of another curve, as reading it will tell.
-    if tolerance is None and (is_program(source) or _is_points(source)):
-        tolerance = said.mm
-    share = said.share
-    if is_program(source):
-        _require_scale(source, scale)
-        program = read_program(source)
-        part = _part(source, program, _widened(own, program.axes), f"limits in {table}", tolerance, share)
+    own = table_limits(table)
+    said, share = tolerance_of_table(table, source)
+    tolerance = said if tolerance is None else _positive(tolerance)
+    if not isinstance(source, Curve) and is_program(source):
+        found = program_curve(source, scale, own, tolerance, share, widen=True)
     else:
-        part = _load_plain(source, scale, tolerance, share).part(own, f"limits in {table}")
+        found = plain_curve(source, scale, tolerance, share)
     if machine is None:
-        return part
+        return Job.of(found, own, f"limits in {table}")
     limits, named = load_machine(machine)
-    return replace(part, limits=limits.for_curve(part.curve), machine=named)
-
-
-@dataclass(frozen=True, eq=False)
-class _Plain:
-    """A curve that is no part program."""
-
-    curve: Curve
-    room: float
-    facts: tuple[tuple[str, str], ...] = ()
-
-    def part(self, limits: Limits, machine: str) -> Part:
-        return Part(self.curve, limits, machine, room=self.room, facts=self.facts)
-
-
-def _load_plain(source: str, scale: float, tolerance: float | None, share: float) -> _Plain:
-    """Load a curve that is no part program; the points of a CSV file are fitted within the path's tolerance."""
-    from planner import load_curve
-    from planner.geometry.points import FittedCurve, read_points
-
-    if not _is_points(source):
-        if tolerance is not None and share == 1.0:
-            raise InputError(f"--tolerance-mm = {tolerance!r} is for part programs and points; {source} is exact")
-        return _Plain(load_curve(source, scale=scale), tolerance or DEFAULT_TOLERANCE)
-    if tolerance is None:
-        curve, allowed, room = load_curve(source, scale=scale), _POINTS_TOLERANCE, DEFAULT_TOLERANCE
-    else:
-        _require_scale(source, scale)
-        allowed, room = share * tolerance, (1.0 - share) * tolerance
-        curve = read_points(source, tolerance, share=share)
-    facts: tuple[tuple[str, str], ...] = ()
-    if isinstance(curve, FittedCurve):
-        far = f"{1e3 * curve.deviation:.4g} um at most from a point, in line {curve.row}"
-        facts = (("deviation", f"{far}; {1e3 * allowed:g} um allowed"),)
-    return _Plain(curve, room, facts)
-
-
-def _part(source: str, program: Program, limits: Limits, machine: str, tolerance: float | None, share: float) -> Part:
-    """Make the path of a part program, which takes ``share`` of the tolerance."""
-    import numpy as np
-
-    from planner.geometry.tolerance import PathTolerance
-    from planner.programs.path.path import program_path
-
-    if tolerance is None:
-        given = np.where(np.isnan(program.tolerance), DEFAULT_TOLERANCE, program.tolerance)
-        path = program_path(replace(program, tolerance=share * given), None, limits)
-        least = float(given[given > 0.0].min(initial=np.inf))
-        least = least if np.isfinite(least) else DEFAULT_TOLERANCE
-    else:
-        path = program_path(program, share * tolerance, limits)
-        least = tolerance
-    curve = replace(path.curve, name=Path(source).name, made_within=PathTolerance(tolerance, share))
-    path = replace(path, curve=curve)
-    return Part(
-        path.curve,
-        limits.for_curve(path.curve),
-        machine,
-        program,
-        path,
-        (1.0 - share) * least,
-        (("program", _summary(program, path)),),
-    )
-
-
-def _widened(limits: Limits, axes: tuple[str, ...]) -> Limits:
-    """The limits in a table are those of the axes that move; an axis that only has words needs none that counts."""
-    from planner.quantity import AXIS
-
-    resting = tuple(axis for axis in axes if axis not in limits.axes)
-    if not resting:
-        return limits
-    rows = {q.key: [*limits.of(q), *[math.inf] * len(resting)] for q in AXIS}
-    return limits.with_axes((*limits.axes, *resting), **rows)
+    return Job.of(found, limits, named)
 
 
 def _positive(tolerance: float | None) -> float | None:
     from planner.inputs import positive_number
 
-    return None if tolerance is None else positive_number(tolerance, "--tolerance-mm")
-
-
-def _summary(program: Program, path: ProgramPath) -> str:
-    """What is in a program, and what the path is made of."""
-    from planner.programs.reading.program import ARC
-
-    arcs = int((program.kind == ARC).sum())
-    parts = [_count(program.line_count, "line"), _count(len(program), "move") + (f" ({arcs} arcs)" if arcs else "")]
-    parts += [_count(path.counts[f"{what}s"], what) for what in ("corner", "tube") if path.counts[f"{what}s"]]
-    dwells = [event.seconds for event in program.events if event.kind == "dwell"]
-    changes = sum(event.kind == "tool_change" for event in program.events)
-    if dwells:
-        parts.append(f"{_count(len(dwells), 'dwell')} ({sum(dwells):g} s, apart)")
-    if changes:
-        parts.append(f"{_count(changes, 'tool change')} (apart)")
-    return ", ".join(parts)
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}" if number == 1 else f"{number} {what}s"
+    return None if tolerance is None else positive_number(tolerance, "tolerance")
 
 
 def _changed(limits: Limits, feed: float | None, period: float | None) -> Limits:
     if feed is not None:
         limits = limits.with_feed(feed)
     return limits if period is None else limits.with_period(period)
-
-
-def _require_scale(source: str, scale: float) -> None:
-    if scale != 1.0:
-        raise InputError(f"--scale = {scale!r} is not for {source}; it must be 1")

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from planner.programs.path.path import ProgramPath
+    from planner.programs.reading.program import Program
     from planner.verify.certificate import BoundReport
 
 # Rows of a report that are limits of the machine; the others say that a plan is a plan at all, and are counted.
@@ -318,6 +319,26 @@ def program_lines(path: ProgramPath) -> Iterator[Table]:
     for reason, lines in reasons.items():
         shown = ", ".join(map(str, lines[:_LINES_SHOWN])) + (", ..." if len(lines) > _LINES_SHOWN else "")
         yield named("exact stops", f"{len(lines)}, {reason}: after line {shown}")
+
+
+def program_summary(program: Program, path: ProgramPath) -> str:
+    """What is in a program, and what the path is made of."""
+    from planner.programs.reading.program import ARC
+
+    arcs = int((program.kind == ARC).sum())
+    parts = [_count(program.line_count, "line"), _count(len(program), "move") + (f" ({arcs} arcs)" if arcs else "")]
+    parts += [_count(path.counts[f"{what}s"], what) for what in ("corner", "tube") if path.counts[f"{what}s"]]
+    dwells = [event.seconds for event in program.events if event.kind == "dwell"]
+    changes = sum(event.kind == "tool_change" for event in program.events)
+    if dwells:
+        parts.append(f"{_count(len(dwells), 'dwell')} ({sum(dwells):g} s, apart)")
+    if changes:
+        parts.append(f"{_count(changes, 'tool change')} (apart)")
+    return ", ".join(parts)
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"
 
 
 def _micro(length: float) -> str:

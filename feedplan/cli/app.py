@@ -10,7 +10,6 @@ import signal
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Annotated, NoReturn
@@ -24,9 +23,7 @@ from planner.files.whole_file import require_writable
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from feedplan.progress import ProgressLine
     from feedplan.verdict import Verdict
-    from planner.certificate import Certificate
 
 BROKEN, BAD_INPUT, NO_PLAN, INTERRUPTED = 1, 2, 3, 130
 
@@ -167,15 +164,6 @@ def require_outputs(table: Path | None, plot: Path | None, report: Path | None =
 def notice(text: str) -> None:
     """Say on standard error what is no error and yet worth knowing."""
     typer.echo(text, err=True)
-
-
-def with_proof(verdict: Verdict, certificate: Certificate, line: ProgressLine) -> Verdict:
-    """Add what the certificate of its lower bound proves to the verdict on a plan."""
-    from planner.verify.certificate import verify_plan_bound
-
-    line("verifying the lower bound")
-    profile = verdict.profile
-    return replace(verdict, proof=verify_plan_bound(profile.curve, verdict.limits, certificate, profile))
 
 
 def report_verdict(verdict: Verdict, as_json: bool) -> None:

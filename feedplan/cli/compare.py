@@ -25,7 +25,7 @@ from feedplan.cli.app import (
     require_apart,
     require_outputs,
 )
-from feedplan.job import load_part
+from feedplan.job import load_job
 from planner.errors import InputError
 from planner.files.whole_file import require_writable, whole_file
 
@@ -82,8 +82,8 @@ def compare(
             _require_format(output)
             require_writable(output)
         require_outputs(None, plot)
-        part = load_part(curve, scale, machine, feed_mm_s, period_s, notice=notice)
-        path, limits, machine_name = part.curve, part.limits, part.machine
+        job = load_job(curve, machine, scale=scale, feed=feed_mm_s, period=period_s, notice=notice)
+        path, limits, machine_name = job.curve, job.limits, job.machine
         from feedplan.comparison import compare_methods, select_methods
         from feedplan.progress import PLAN_KERNELS, ProgressLine, load_kernels
 

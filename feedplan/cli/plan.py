@@ -1,25 +1,20 @@
-"""Planning, checking and replaying one curve: ``feedplan plan | check | replay | curves``."""
+"""A plan of one curve, checked: ``feedplan plan``."""
 
 from __future__ import annotations
 
-import json
 import math
-import time
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from feedplan.cli.app import (
-    BROKEN,
     AsJson,
     CurveName,
     Machine,
     Scale,
-    TableFile,
     Tolerance,
     app,
     exits,
@@ -27,20 +22,14 @@ from feedplan.cli.app import (
     report_verdict,
     require_apart,
     require_outputs,
-    show,
-    with_proof,
 )
-from feedplan.job import PATH_SHARE, Part, load_part, load_part_of_table, require_program
+from feedplan.job import UNBOUNDED, Job, load_job
+from feedplan.sources import PATH_SHARE, require_program
 from planner.files.whole_file import require_writable
 
 if TYPE_CHECKING:
-    from rich.console import RenderableType
-
     from feedplan.progress import ProgressLine
     from feedplan.verdict import Verdict
-    from planner.geometry.curve import Curve
-    from planner.machine.limits import Limits
-    from planner.profile import FeedrateProfile, Samples
 
 _SAMPLES_AT_ONCE = 1_000_000  # bounds the memory that evaluating the plan takes
 
@@ -96,15 +85,23 @@ def plan(
         files = Files(output, certificate, plot, report, program, lines)
         files.require_writable(curve, machine, method)
         share = 1.0 if program is None else PATH_SHARE
-        part = load_part(curve, scale, machine, feed_mm_s, period_s, tolerance_mm, share, notice)
-        path, limits = part.curve, part.limits
+        job = load_job(
+            curve,
+            machine,
+            scale=scale,
+            feed=feed_mm_s,
+            period=period_s,
+            tolerance=tolerance_mm,
+            share=share,
+            notice=notice,
+        )
         from feedplan.progress import ProgressLine, load_kernels
 
         load_kernels()
         with ProgressLine() as line:
-            started = time.perf_counter()
-            profile = part.plan(
+            verdict = job.run(
                 line,
+                certificate=certificate,
                 method=method.value,
                 start_feed=start_feed_mm_s,
                 end_feed=end_feed_mm_s,
@@ -113,18 +110,10 @@ def plan(
                 intervals=intervals,
                 exact_stop=exact_stop,
             )
-            seconds = time.perf_counter() - started
-            if method is not Method.toppra:
-                profile = _bounded(path, limits, profile, certificate, line)
-            verdict = part.judge(profile, line, seconds=seconds)
-            if not verdict.ok:  # no machine gets a plan that breaks a limit
+            if not verdict.holds:  # no machine gets a plan that breaks a limit
                 files = replace(files, program=None)
             verdict = replace(verdict, files=files.names)
-            if certificate is not None:
-                from planner.output.certificate_file import read_certificate
-
-                verdict = with_proof(verdict, read_certificate(certificate), line)
-            files.write(part, verdict, curve, line)
+            files.write(job, verdict, curve, line)
         if files.program != program:
             typer.echo(f"{program}: not written, since the plan breaks a limit", err=True)
         report_verdict(verdict, as_json)
@@ -161,7 +150,7 @@ class Files:
         if self.certificate is not None:
             _require_certifiable(self.certificate, method)
 
-    def write(self, part: Part, verdict: Verdict, source: str, line: ProgressLine) -> None:
+    def write(self, job: Job, verdict: Verdict, source: str, line: ProgressLine) -> None:
         """Write all but the certificate, each saying so where the plan breaks a limit."""
         profile, limits, report = verdict.profile, verdict.limits, verdict.report
         if self.output is not None:
@@ -171,137 +160,22 @@ class Files:
             write_table(self.output, profile, limits, report=report)
         if self.program is not None:
             line(f"writing {self.program}")
-            part.write(self.program, profile, "feed", report=report)
+            job.write(self.program, profile, "feed", report=report)
         if self.lines is not None:
             from planner.programs.times import write_line_times
 
             line(f"writing {self.lines}")
-            write_line_times(self.lines, part.line_times(profile), source, report.summary())
+            write_line_times(self.lines, job.line_times(profile), source, report.summary())
         if self.plot is not None:
             from planner.output.plots import plot_plan, save_plot
 
             line(f"drawing {self.plot}")
-            save_plot(self.plot, plot_plan(part.curve, limits, profile, verdict.samples, report))
+            save_plot(self.plot, plot_plan(job.curve, limits, profile, verdict.samples, report))
         if self.report is not None:
             from feedplan.page import write_report
 
-            lines = part.line_times(profile) if part.program else None
+            lines = job.line_times(profile) if job.program else None
             write_report(self.report, verdict, lines=lines, progress=line)
-
-
-def _bounded(
-    curve: Curve, limits: Limits, profile: FeedrateProfile, certificate: Path | None, line: ProgressLine
-) -> FeedrateProfile:
-    """The plan with the tight bound, of which the certificate is written if a file is given.
-
-    A plan is not lost for want of a bound: it then has none, and a note says why.
-    """
-    from planner import SolverError, certify
-
-    line("bounding the time from below")
-    try:
-        bound = certify(curve, limits, profile)
-    except SolverError as error:
-        if certificate is not None:
-            raise
-        return replace(profile, lower_bound=math.nan, notes=(*profile.notes, f"no lower bound: {error}"))
-    if certificate is not None:
-        from planner.output.certificate_file import write_certificate
-
-        line(f"writing {certificate}")
-        write_certificate(certificate, bound.certificate)
-    return replace(profile, lower_bound=float(bound))
-
-
-@app.command(epilog="\b\nExample:\n  feedplan check table.csv butterfly-nurbs --machine mill.toml")
-def check(
-    table: TableFile,
-    curve: CurveName,
-    *,
-    machine: Machine = None,
-    tolerance_mm: Tolerance = None,
-    scale: Scale = 1.0,
-    certificate: Annotated[Path | None, typer.Option(help="Certificate of its lower bound, .npz.")] = None,
-    as_json: AsJson = False,
-) -> None:
-    """Check a feedrate table and the samples of it.
-
-    Nothing of the planner is used.  Without --machine the limits in the table's own header count.  With the certificate
-    that feedplan plan wrote, the lower bound is verified from the curve and the limits too; else it is only claimed.
-    """
-    with exits():
-        from feedplan.progress import ProgressLine, load_kernels
-        from planner import read_table
-        from planner.output.certificate_file import read_certificate
-
-        part = load_part_of_table(table, curve, scale, machine, tolerance_mm)
-        load_kernels()
-        with ProgressLine() as line:
-            line("reading the table")
-            profile = read_table(table, part.curve)
-            proof = None if certificate is None else read_certificate(certificate)
-            verdict = part.judge(profile, line)
-            if proof is not None:
-                verdict = with_proof(verdict, proof, line)
-        report_verdict(verdict, as_json)
-
-
-@app.command(epilog="\b\nExample:\n  feedplan replay table.csv butterfly-nurbs --period-s 0.001 -o samples.csv")
-def replay(
-    table: TableFile,
-    curve: CurveName,
-    *,
-    period_s: Annotated[float | None, typer.Option(help="Interpolation period, in place of the table's.")] = None,
-    order: Annotated[int, typer.Option(help="1, 2, 3 (Taylor steps) or 5 (the plan itself).")] = 5,
-    tolerance_mm: Tolerance = None,
-    scale: Scale = 1.0,
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="Samples, .csv or .npz.")] = None,
-) -> None:
-    """Sample a feedrate table once a period.
-
-    This is what an interpolator does.  Printed is how far the samples are off the plan and what they use of its limits.
-    Exit code 1: they break a limit; a file of them says so.
-    """
-    with exits():
-        require_apart([output], [table, curve])
-        require_outputs(output, None)
-        import interp
-        from feedplan.progress import ProgressLine, load_kernels
-        from planner import read_table
-        from planner.output.table import write_samples
-        from planner.verify import check as check_plan
-
-        part = load_part_of_table(table, curve, scale, None, tolerance_mm)
-        path = part.curve
-        load_kernels()
-        with ProgressLine() as line:
-            line("reading the table")
-            profile = read_table(table, path)
-            line("sampling")
-            samples = interp.replay(path, profile, period_s, order=order)
-            line("measuring the samples")
-            report = check_plan(path, part.limits, samples)
-            apart = _distance(profile, samples)
-            if output is not None:
-                line(f"writing {output}")
-                write_samples(output, path, samples, report)
-        from feedplan.verdict import samples_text
-
-        show(samples_text(profile, samples, report, apart, "" if output is None else str(output)))
-        if not report.ok:
-            raise typer.Exit(BROKEN)
-
-
-@app.command(epilog="\b\nExample:\n  feedplan curves")
-def curves() -> None:
-    """List the named curves.
-
-    Breaks are counted by what is still continuous there: G0 a corner, G1 the tangent, G2 the curvature, G3 its rate.
-    """
-    with exits():
-        from planner import CATALOG, load_curve
-
-        show(_curve_list({name: load_curve(name) for name in CATALOG}))
 
 
 def _require_certifiable(certificate: Path, method: Method) -> None:
@@ -311,55 +185,5 @@ def _require_certifiable(certificate: Path, method: Method) -> None:
 
     require_npz(certificate)
     require_writable(certificate)
-    if method is Method.toppra:
-        raise InputError("--certificate needs a lower bound; the method toppra gives none")
-
-
-def _distance(profile: FeedrateProfile, samples: Samples) -> float:
-    """Largest distance along an axis between a sample and where the plan is at that time, mm or rad."""
-    import numpy as np
-
-    worst = 0.0
-    for first in range(0, samples.t.size, _SAMPLES_AT_ONCE):
-        some = slice(first, first + _SAMPLES_AT_ONCE)
-        u = profile.at(np.minimum(samples.t[some], profile.duration)).u
-        apart = np.abs(samples.position[some] - profile.curve.derivatives(u, 0)[0])
-        worst = max(worst, float(apart.max()))
-    return worst
-
-
-def _curve_list(found: dict[str, Curve]) -> RenderableType:
-    from rich.console import Group
-    from rich.padding import Padding
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(box=None, padding=(0, 2, 0, 0), header_style="underline")
-    for column in ("name", "axes", "length mm", "u from", "to", "breaks by order"):
-        table.add_column(
-            column, justify="left" if column in {"name", "axes", "breaks by order"} else "right", no_wrap=True
-        )
-    sources: dict[str, list[str]] = {}
-    for name, curve in found.items():
-        u0, u1 = curve.domain
-        table.add_row(name, " ".join(curve.axes), f"{curve.length:.3f}", f"{u0:.6g}", f"{u1:.6g}", _smoothness(curve))
-        sources.setdefault(_source(name), []).append(name)
-    parts: list[RenderableType] = [table, ""]
-    for source, names in sources.items():
-        parts += [Text(f"{', '.join(names)}:"), Padding(Text(source), (0, 0, 0, 2))]
-    return Group(*parts)
-
-
-def _smoothness(curve: Curve) -> str:
-    """Count the breaks by what is still continuous there: G0 a corner, G1 the tangent, G2 the curvature."""
-    orders = [b.geometric for b in curve.breaks]
-    return ", ".join(f"{orders.count(k)} G{k}" for k in range(4) if k in orders) or "none"
-
-
-def _source(name: str) -> str:
-    """Where the definition of a named curve was published."""
-    text = resources.files("planner").joinpath(f"data/curves/{name}.json").read_text(encoding="utf-8")
-    source = json.loads(text)["source"]
-    if "control_points_from" in source:
-        return str(source["control_points_from"])
-    return f"{source['authors']}: {source['title']} ({source['year']})"
+    if method.value == UNBOUNDED:
+        raise InputError(f"--certificate needs a lower bound; the method {UNBOUNDED} gives none")

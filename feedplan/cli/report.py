@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from feedplan.cli.app import AsJson, CurveName, Machine, Scale, TableFile, Tolerance, app, exits, report_verdict
-from feedplan.job import load_part_of_table
+from feedplan.job import load_job_of_table
 
 
 @app.command(
@@ -40,12 +40,12 @@ def report(
         from feedplan.progress import ProgressLine, load_kernels
         from planner import read_table
 
-        part = load_part_of_table(table, curve, scale, machine, tolerance_mm)
+        job = load_job_of_table(table, curve, machine, scale=scale, tolerance=tolerance_mm)
         load_kernels()
         with ProgressLine() as line:
             line("reading the table")
-            profile = read_table(table, part.curve)
-            verdict = part.judge(profile, line, files=(str(output),))
-            lines = None if part.program is None else part.line_times(profile)
+            profile = read_table(table, job.curve)
+            verdict = job.judge(profile, line, files=(str(output),))
+            lines = None if job.program is None else job.line_times(profile)
             write_report(output, verdict, lines=lines, progress=line)
         report_verdict(verdict, as_json)

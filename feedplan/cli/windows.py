@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from feedplan.cli.app import BROKEN, AsJson, Machine, Tolerance, app, exits, show
-from feedplan.job import load_machine, require_program
+from feedplan.job import load_machine
 from feedplan.progress import PLAN_KERNELS
+from feedplan.sources import require_program
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

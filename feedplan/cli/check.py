@@ -1,0 +1,41 @@
+"""A table of a plan checked again: ``feedplan check``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from feedplan.cli.app import AsJson, CurveName, Machine, Scale, TableFile, Tolerance, app, exits, report_verdict
+from feedplan.job import load_job_of_table
+
+
+@app.command(epilog="\b\nExample:\n  feedplan check table.csv butterfly-nurbs --machine mill.toml")
+def check(
+    table: TableFile,
+    curve: CurveName,
+    *,
+    machine: Machine = None,
+    tolerance_mm: Tolerance = None,
+    scale: Scale = 1.0,
+    certificate: Annotated[Path | None, typer.Option(help="Certificate of its lower bound, .npz.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Check a feedrate table and the samples of it.
+
+    Nothing of the planner is used.  Without --machine the limits in the table's own header count.  With the certificate
+    that feedplan plan wrote, the lower bound is verified from the curve and the limits too; else it is only claimed.
+    """
+    with exits():
+        from feedplan.progress import ProgressLine, load_kernels
+        from planner import read_table
+
+        job = load_job_of_table(table, curve, machine, scale=scale, tolerance=tolerance_mm)
+        load_kernels()
+        with ProgressLine() as line:
+            line("reading the table")
+            verdict = job.judge(read_table(table, job.curve), line)
+            if certificate is not None:
+                verdict = job.prove(verdict, certificate, line)
+        report_verdict(verdict, as_json)

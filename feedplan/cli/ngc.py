@@ -1,0 +1,114 @@
+"""A plan as a program for LinuxCNC: ``feedplan ngc``."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from feedplan.cli.app import AsJson, CurveName, Machine, Scale, app, exits, notice, require_apart
+from feedplan.job import Job, load_job, load_job_of_table
+from feedplan.sources import DEFAULT_TOLERANCE, PATH_SHARE
+from planner.errors import InputError
+from planner.files.whole_file import require_writable
+
+if TYPE_CHECKING:
+    from planner.output.ngc import Mode
+
+
+@app.command(
+    epilog=(
+        "\b\nExamples:\n"
+        "  feedplan ngc butterfly-nurbs --machine mill.toml --tolerance-mm 0.01 -o butterfly.ngc\n"
+        "  feedplan ngc part.ngc --machine machine.ini --tolerance-mm 0.01 --inverse-time -o out.ngc\n"
+        "  feedplan ngc part.ngc --table table.csv -o out.ngc\n"
+    ),
+)
+def ngc(
+    curve: CurveName,
+    *,
+    output: Annotated[Path, typer.Option("--output", "-o", help="The program.")],
+    machine: Machine = None,
+    table: Annotated[Path | None, typer.Option(help="Feedrate table of the plan, in place of planning.")] = None,
+    tolerance_mm: Annotated[
+        float | None, typer.Option("--tolerance-mm", help="Distance allowed between the program and the CURVE.")
+    ] = None,
+    inverse_time: Annotated[bool, typer.Option("--inverse-time", help="G93: F as blocks a minute.")] = False,
+    block_time_s: Annotated[float, typer.Option(help="Longest time of a block.")] = 0.01,
+    feed_mm_s: Annotated[float | None, typer.Option(help="Commanded feed, in place of the machine's.")] = None,
+    scale: Scale = 1.0,
+    as_json: AsJson = False,
+) -> None:
+    """Write the plan of a curve or a part program as a LinuxCNC program.
+
+    Short G1 blocks with a feed each.  Of the tolerance the path of a part program takes three quarters, the blocks and
+    their blending by the controller the rest.  Spindle, tools, coolant, dwells and stops keep their places.  Exit code 1:
+    the plan or its samples break a limit, and nothing is written.
+    """
+    with exits():
+        require_apart([output], [curve, machine, table])
+        require_writable(output)
+        if table is not None and (machine is not None or feed_mm_s is not None):
+            raise InputError("--table brings its own limits; leave --machine and --feed-mm-s out")
+        if table is None:
+            job = load_job(
+                curve,
+                machine,
+                scale=scale,
+                feed=feed_mm_s,
+                tolerance=tolerance_mm,
+                share=PATH_SHARE,
+                notice=notice,
+            )
+        else:
+            job = _job_of_table(table, curve, scale, tolerance_mm)
+        from feedplan.progress import ProgressLine, load_kernels
+        from planner import read_table
+
+        load_kernels()
+        with ProgressLine() as line:
+            profile = job.plan(line) if table is None else read_table(table, job.curve)
+            verdict = job.judge(profile, line)
+            line(f"writing {output}")
+            mode: Mode = "inverse_time" if inverse_time else "feed"
+            written = job.write(output, profile, mode, block_time=block_time_s, report=verdict.report)
+        deviation = written.deviation + (0.0 if job.path is None else job.path.deviation.largest)
+        facts = {
+            "curve": job.curve.name,
+            "machine": job.machine,
+            "blocks": written.blocks,
+            "duration_s": written.duration,
+            "deviation_mm": deviation,
+            "blending_mm": 0.5 * job.room,
+            "files": [str(output)],
+        }
+        if as_json:
+            typer.echo(json.dumps(facts, indent=2, allow_nan=False))
+        else:
+            typer.echo(
+                f"{output}: {written.blocks} blocks, {written.duration:.6g} s, within {1e3 * deviation:.3g} um of "
+                f"{job.curve.name}; the controller may blend {1e3 * 0.5 * job.room:.3g} um more"
+            )
+
+
+def _job_of_table(table: Path, curve: str, scale: float, tolerance: float | None) -> Job:
+    """Load the curve of a table; the blocks get what its path leaves of the tolerance."""
+    from dataclasses import replace
+
+    from planner.inputs import positive_number
+
+    job = load_job_of_table(table, curve, scale=scale)
+    if tolerance is None:
+        room = job.room
+    else:
+        taken = 0.0 if job.path is None else job.path.tolerance
+        room = positive_number(tolerance, "--tolerance-mm") - taken
+    if room <= 0.0:
+        taken = DEFAULT_TOLERANCE if job.path is None else job.path.tolerance
+        raise InputError(
+            f"{table}: its path takes {taken:g} mm of tolerance and leaves nothing for the blocks; give a --tolerance-mm "
+            "above that, or plan with --program"
+        )
+    return replace(job, room=room)

@@ -1,0 +1,83 @@
+"""Samples of a plan, one a period: ``feedplan replay``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from feedplan.cli.app import (
+    BROKEN,
+    CurveName,
+    Scale,
+    TableFile,
+    Tolerance,
+    app,
+    exits,
+    require_apart,
+    require_outputs,
+    show,
+)
+from feedplan.job import load_job_of_table
+
+if TYPE_CHECKING:
+    from planner.profile import FeedrateProfile, Samples
+
+_SAMPLES_AT_ONCE = 1_000_000  # bounds the memory that evaluating the plan takes
+
+
+@app.command(epilog="\b\nExample:\n  feedplan replay table.csv butterfly-nurbs --period-s 0.001 -o samples.csv")
+def replay(
+    table: TableFile,
+    curve: CurveName,
+    *,
+    period_s: Annotated[float | None, typer.Option(help="Interpolation period, in place of the table's.")] = None,
+    order: Annotated[int, typer.Option(help="1, 2, 3 (Taylor steps) or 5 (the plan itself).")] = 5,
+    tolerance_mm: Tolerance = None,
+    scale: Scale = 1.0,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Samples, .csv or .npz.")] = None,
+) -> None:
+    """Sample a feedrate table once a period.
+
+    This is what an interpolator does.  Printed is how far the samples are off the plan and what they use of its limits.
+    Exit code 1: they break a limit; a file of them says so.
+    """
+    with exits():
+        require_apart([output], [table, curve])
+        require_outputs(output, None)
+        from feedplan.progress import ProgressLine, load_kernels
+        from planner import read_table
+        from planner.output.table import write_samples
+
+        job = load_job_of_table(table, curve, scale=scale, tolerance=tolerance_mm)
+        load_kernels()
+        with ProgressLine() as line:
+            line("reading the table")
+            profile = read_table(table, job.curve)
+            line("sampling")
+            samples = job.replay(profile, period_s, order=order)
+            line("measuring the samples")
+            report = job.check(samples)
+            apart = _distance(profile, samples)
+            if output is not None:
+                line(f"writing {output}")
+                write_samples(output, job.curve, samples, report)
+        from feedplan.verdict import samples_text
+
+        show(samples_text(profile, samples, report, apart, "" if output is None else str(output)))
+        if not report.ok:
+            raise typer.Exit(BROKEN)
+
+
+def _distance(profile: FeedrateProfile, samples: Samples) -> float:
+    """Largest distance along an axis between a sample and where the plan is at that time, mm or rad."""
+    import numpy as np
+
+    worst = 0.0
+    for first in range(0, samples.t.size, _SAMPLES_AT_ONCE):
+        some = slice(first, first + _SAMPLES_AT_ONCE)
+        u = profile.at(np.minimum(samples.t[some], profile.duration)).u
+        apart = np.abs(samples.position[some] - profile.curve.derivatives(u, 0)[0])
+        worst = max(worst, float(apart.max()))
+    return worst

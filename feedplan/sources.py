@@ -1,0 +1,161 @@
+"""The curve that a job is about, with what is known of where it comes from: a name, a file, points, or a part program."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias
+
+from planner.errors import InputError
+
+if TYPE_CHECKING:
+    from planner.geometry.curve import Curve
+    from planner.machine.limits import Limits
+    from planner.programs.path.path import ProgramPath
+    from planner.programs.reading.program import Program
+
+PROGRAM_SUFFIXES = (".ngc", ".nc", ".tap")
+# Of the tolerance, where a program is written too: the path takes this, and the lines of the program the rest.
+PATH_SHARE = 0.75
+DEFAULT_TOLERANCE = 0.01  # mm
+_LONG = 20_000  # moves
+_POINTS_TOLERANCE = 1e-3  # mm, of the points of a CSV file
+Pairs: TypeAlias = tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class SourceCurve:
+    """A curve, and what it was made from.
+
+    Attributes
+    ----------
+    curve : Curve
+    room : float
+        Distance that the lines of a program written from a plan may leave the curve by, mm.
+    facts : tuple of (str, str)
+        What a verdict says of where the curve comes from.
+    program, path : Program, ProgramPath, optional
+        The part program, and what was made of it.
+    """
+
+    curve: Curve
+    room: float
+    facts: Pairs = ()
+    program: Program | None = None
+    path: ProgramPath | None = None
+
+
+def is_program(source: str | Path) -> bool:
+    """Whether the name of a curve is that of a part program."""
+    return Path(source).suffix.lower() in PROGRAM_SUFFIXES
+
+
+def is_points(source: str | Path) -> bool:
+    """Whether the name of a curve is that of a file of points."""
+    return Path(source).suffix.lower() == ".csv"
+
+
+def require_program(source: str | Path, what: str) -> None:
+    """Refuse a curve without lines."""
+    if not is_program(source):
+        raise InputError(f"{source} has no lines; {what} needs a part program, {', '.join(PROGRAM_SUFFIXES)}")
+
+
+def plain_curve(source: str | Path | Curve, scale: float, tolerance: float | None, share: float) -> SourceCurve:
+    """Load a curve that is no part program; the points of a CSV file are fitted within their share of the tolerance."""
+    from planner import load_curve
+    from planner.geometry.curve import Curve
+    from planner.geometry.points import FittedCurve, read_points
+
+    if isinstance(source, Curve) or not is_points(source):
+        name = source.name if isinstance(source, Curve) else source
+        if tolerance is not None and share == 1.0:
+            raise InputError(f"tolerance = {tolerance!r} mm is for part programs and points; {name} is exact")
+        if isinstance(source, Curve):
+            _require_scale(name, scale)
+        curve = source if isinstance(source, Curve) else load_curve(source, scale=scale)
+        return SourceCurve(curve, tolerance or DEFAULT_TOLERANCE)
+    if tolerance is None:
+        curve, allowed, room = load_curve(source, scale=scale), _POINTS_TOLERANCE, DEFAULT_TOLERANCE
+    else:
+        _require_scale(source, scale)
+        allowed, room = share * tolerance, (1.0 - share) * tolerance
+        curve = read_points(source, tolerance, share=share)
+    facts: Pairs = ()
+    if isinstance(curve, FittedCurve):
+        far = f"{1e3 * curve.deviation:.4g} um at most from a point, in line {curve.row}"
+        facts = (("deviation", f"{far}; {1e3 * allowed:g} um allowed"),)
+    return SourceCurve(curve, room, facts)
+
+
+def program_curve(
+    source: str | Path,
+    scale: float,
+    limits: Limits,
+    tolerance: float | None,
+    share: float,
+    notice: Callable[[str], None] | None = None,
+    *,
+    widen: bool = False,
+) -> SourceCurve:
+    """Make the path of a part program, which takes its share of the tolerance.
+
+    ``notice`` is told of a long one.  ``widen``: the limits are those of the axes that move, as a table has them.
+    """
+    import numpy as np
+
+    from feedplan.verdict import program_summary
+    from planner import program_path, read_program
+    from planner.geometry.tolerance import PathTolerance
+
+    _require_scale(source, scale)
+    program = read_program(source)
+    if len(program) > _LONG and notice is not None:
+        notice(
+            f"{source}: {len(program)} moves are planned as a whole here, which takes memory; "
+            "feedplan windows plans any number"
+        )
+    limits = _widened(limits, program.axes) if widen else limits
+    if tolerance is None:
+        given = np.where(np.isnan(program.tolerance), DEFAULT_TOLERANCE, program.tolerance)
+        path = program_path(replace(program, tolerance=share * given), None, limits)
+        least = float(given[given > 0.0].min(initial=np.inf))
+        least = least if np.isfinite(least) else DEFAULT_TOLERANCE
+    else:
+        path = program_path(program, share * tolerance, limits)
+        least = tolerance
+    made = replace(path.curve, name=Path(source).name, made_within=PathTolerance(tolerance, share))
+    path = replace(path, curve=made)
+    facts = (("program", program_summary(program, path)),)
+    return SourceCurve(path.curve, (1.0 - share) * least, facts, program, path)
+
+
+def tolerance_of_table(table: str | Path, source: str | Path | Curve) -> tuple[float | None, float]:
+    """Read the tolerance that a table says its curve was made within, and the curve's share of it; None for none."""
+    from planner.geometry.curve import Curve
+    from planner.output.table import table_origin
+
+    said = table_origin(table).tolerance
+    # A table of an exact curve says no tolerance: one that does is of another curve, as reading it will tell.
+    inexact = not isinstance(source, Curve) and (is_program(source) or is_points(source))
+    if said is None:
+        return None, 1.0
+    return said.mm if inexact else None, said.share
+
+
+def _widened(limits: Limits, axes: tuple[str, ...]) -> Limits:
+    """The limits in a table are those of the axes that move; an axis that only has words needs none that counts."""
+    from planner.quantity import AXIS
+
+    resting = tuple(axis for axis in axes if axis not in limits.axes)
+    if not resting:
+        return limits
+    rows = {q.key: [*limits.of(q), *[math.inf] * len(resting)] for q in AXIS}
+    return limits.with_axes((*limits.axes, *resting), **rows)
+
+
+def _require_scale(source: str | Path, scale: float) -> None:
+    if scale != 1.0:
+        raise InputError(f"scale = {scale!r} is not for {source}; it must be 1")
