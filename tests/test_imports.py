@@ -16,6 +16,7 @@ PACKAGES = ("planner", "interp", "feedplan")
 ORDER = (
     "planner.errors",
     "planner.types",
+    "planner.frames",
     "planner.inputs",
     "planner.quantity",
     "planner.files",
@@ -40,7 +41,7 @@ APART = {
     "planner.geometry": ("planner.files",),
 }
 DOORS = ("planner", "interp", "feedplan")  # they hand names on, each loaded when it is first used
-HEAVY = ("casadi", "ezdxf", "toppra", "ruckig", "matplotlib", "numba", "scipy", "pydantic", "typer", "rich")
+HEAVY = ("casadi", "ezdxf", "toppra", "ruckig", "matplotlib", "numba", "scipy", "pydantic", "typer", "rich", "pandas")
 
 
 def module_name(path: Path) -> str:
