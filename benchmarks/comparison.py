@@ -25,20 +25,10 @@ from rich.progress import track
 
 from benchmarks.cases import mill
 from benchmarks.interpolator import environment
-from feedplan.comparison import (
-    METHODS,
-    NOTE,
-    Dilation,
-    Judgement,
-    Result,
-    compare_methods,
-    finite,
-    letters,
-    result_facts,
-    saving,
-    saving_facts,
-    select_methods,
-)
+from feedplan.comparison import NOTE, compare
+from feedplan.comparison.judgement import Dilation, Judgement, letters
+from feedplan.comparison.methods import METHODS, select_methods
+from feedplan.comparison.result import Result, finite, result_facts, saving, saving_facts
 from planner.files.whole_file import require_writable, whole_file
 from planner.geometry.catalog import load_curve
 from planner.geometry.curve import Curve
@@ -109,7 +99,7 @@ def measure(case: Case, methods: Sequence[str], repeats: int) -> list[Result]:
     """Run and judge every method; the computing time is the median of several runs, the first left out."""
     curve, limits = case.load()
     results = []
-    for result in compare_methods(curve, limits, methods):
+    for result in compare(curve, limits, methods).results:
         if result.judgement is not None and result.computing_time < REPEATED and repeats > 0:
             times = []
             for _ in range(repeats):

@@ -28,15 +28,14 @@ from rich.progress import track
 
 from benchmarks.greedy import ALGORITHMS, limits
 from feedplan.cli.compare import FIGURE_TITLE, comparison_panels
-from feedplan.comparison import compare_methods, select_methods
-from interp import replay
+from feedplan.comparison import compare
+from feedplan.job import Job
 from interp.literature.greedy import PUBLISHED_COUNTS, GreedyRun, greedy
 from planner.geometry.catalog import load_curve
 from planner.geometry.curve import Curve
 from planner.machine.limits import feedrate_limits
 from planner.output.panels import Line, Panel, plot_panels
 from planner.output.plots import save_plot
-from planner.plan import plan_feedrate
 from planner.profile import Samples
 from planner.types import FloatArray
 
@@ -74,9 +73,10 @@ class Runs:
 def run_all(name: str) -> Runs:
     """Run the algorithms in both modes, and plan."""
     curve = load_curve(name)
+    job = Job(curve, LIMITS)
     published = tuple(greedy(curve, LIMITS, number) for number in ALGORITHMS)
     physical = tuple(greedy(curve, LIMITS, number, mode="physical", variant="root") for number in ALGORITHMS)
-    return Runs(curve, published, physical, replay(curve, plan_feedrate(curve, LIMITS), LIMITS.period))
+    return Runs(curve, published, physical, job.replay(job.plan()))
 
 
 def feedrates(runs: Runs) -> Figure:
@@ -216,8 +216,8 @@ def _tangential_range(curve: Curve, u: FloatArray, feed: FloatArray) -> FloatArr
 
 def comparison(runs: Runs) -> Figure:
     """Feed and jerk of all methods under these limits."""
-    results = compare_methods(runs.curve, LIMITS, select_methods(COMPARED))
-    return plot_panels(_title(runs, FIGURE_TITLE), comparison_panels(runs.curve, LIMITS, results))
+    found = compare(runs.curve, LIMITS, COMPARED)
+    return plot_panels(_title(runs, FIGURE_TITLE), comparison_panels(found))
 
 
 def _path_feed(curve: Curve, samples: Samples) -> FloatArray:

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 from planner import __version__ as __version__
 
 if TYPE_CHECKING:
+    from feedplan.comparison import Comparison, compare
     from feedplan.job import Job, load_job, load_job_of_table, plan_and_check
     from feedplan.page import write_report
     from feedplan.verdict import Verdict
@@ -104,6 +105,7 @@ __all__ = [
     "Break",
     "BrokenLimitError",
     "Certificate",
+    "Comparison",
     "Curve",
     "CurveError",
     "FeedShape",
@@ -132,6 +134,7 @@ __all__ = [
     "WrittenProgram",
     "certify",
     "check",
+    "compare",
     "contour_error",
     "feedrate_limits",
     "filter_axes",
@@ -174,6 +177,7 @@ __all__ = [
 ]
 
 _HOME = {
+    "feedplan.comparison": ("Comparison", "compare"),
     "feedplan.job": ("Job", "load_job", "load_job_of_table", "plan_and_check"),
     "feedplan.page": ("write_report",),
     "feedplan.verdict": ("Verdict",),

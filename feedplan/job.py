@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from planner.types import Progress
     from planner.verify import Report
 
+GIVEN = "limits given"
 UNBOUNDED = "toppra"
 """The method without a jerk limit: its plans are compared with, and their time is not bounded."""
 
@@ -63,7 +64,7 @@ class Job:
 
     curve: Curve
     limits: Limits
-    machine: str
+    machine: str = GIVEN
     program: Program | None = None
     path: ProgramPath | None = None
     room: float = 0.0
@@ -297,7 +298,7 @@ def load_machine(machine: str | Path | Limits | None, example: str = "mill") -> 
     if machine is None:
         return load_limits(example), f"{example} (example machine)"
     if isinstance(machine, Limits):
-        return machine, "limits given"
+        return machine, GIVEN
     return load_limits(machine), str(machine)
 
 

@@ -30,7 +30,9 @@ from planner.errors import InputError
 from planner.files.whole_file import require_writable, whole_file
 
 if TYPE_CHECKING:
-    from feedplan.comparison import Judgement, Result
+    from feedplan.comparison import Comparison
+    from feedplan.comparison.judgement import Judgement
+    from feedplan.comparison.result import Result
     from planner.geometry.curve import Curve
     from planner.machine.limits import Limits
     from planner.output.panels import Panel
@@ -83,43 +85,34 @@ def compare(
             require_writable(output)
         require_outputs(None, plot)
         job = load_job(curve, machine, scale=scale, feed=feed_mm_s, period=period_s, notice=notice)
-        path, limits, machine_name = job.curve, job.limits, job.machine
-        from feedplan.comparison import compare_methods, select_methods
+        from feedplan.comparison import compare as compare_methods
         from feedplan.progress import PLAN_KERNELS, ProgressLine, load_kernels
 
-        chosen = None if methods is None else select_methods(methods)
         load_kernels((*PLAN_KERNELS, "interp.literature.greedy_kernels"))
         with ProgressLine() as line:
-            results = compare_methods(path, limits, chosen, progress=line)
-            facts = _facts(path, limits, machine_name, results)
+            found = compare_methods(job.curve, job.limits, methods, progress=line)
+            facts = _facts(found, job.machine)
             if output is not None:
                 line(f"writing {output}")
                 _write(output, facts)
-            if plot is not None and any(result.judgement for result in results):
+            if plot is not None and any(result.judgement for result in found.results):
                 from planner.output.panels import plot_panels
                 from planner.output.plots import save_plot
 
                 line(f"drawing {plot}")
-                panels = comparison_panels(path, limits, results)
-                save_plot(plot, plot_panels(f"{path.name}: {FIGURE_TITLE}", panels))
+                panels = comparison_panels(found)
+                save_plot(plot, plot_panels(f"{found.curve.name}: {FIGURE_TITLE}", panels))
         if as_json:
             typer.echo(_json(facts))
         else:
-            typer.echo(
-                _text(
-                    path,
-                    limits,
-                    machine_name,
-                    results,
-                    [str(name) for name in (output, plot) if name is not None and name.exists()],
-                )
-            )
-        _leave(results)
+            files = [str(name) for name in (output, plot) if name is not None and name.exists()]
+            typer.echo(_text(found, job.machine, files))
+        _leave(found.results)
 
 
 def _leave(results: Sequence[Result]) -> None:
     """Leave with an exit code other than 0 where the comparison found nothing that holds."""
-    from feedplan.comparison import OPTIMUM
+    from feedplan.comparison.methods import OPTIMUM
 
     if all(result.judgement is None for result in results):
         raise typer.Exit(NO_PLAN)
@@ -136,22 +129,24 @@ def _require_format(path: Path) -> None:
 # ---- files ---------------------------------------------------------------------------------------------------------
 
 
-def _facts(curve: Curve, limits: Limits, machine: str, results: Sequence[Result]) -> dict[str, Any]:
-    from feedplan.comparison import NOTE, result_facts, saving, saving_facts
+def _facts(found: Comparison, machine: str) -> dict[str, Any]:
+    from feedplan.comparison import NOTE
+    from feedplan.comparison.result import result_facts, saving_facts
 
+    curve, limits = found.curve, found.limits
     return {
         "curve": {"name": curve.name, "hash": curve.fingerprint, "axes": list(curve.axes), "length_mm": curve.length},
         "machine": machine,
         "feed_mm_s": limits.feed,
         "period_s": limits.period,
-        "methods": [result_facts(result) for result in results],
-        "saving": saving_facts(saving(results)),
+        "methods": [result_facts(result) for result in found.results],
+        "saving": saving_facts(found.saving),
         "note": NOTE,
     }
 
 
 def _json(facts: dict[str, Any]) -> str:
-    from feedplan.comparison import finite
+    from feedplan.comparison.result import finite
 
     return json.dumps(finite(facts), indent=2, allow_nan=False)
 
@@ -181,9 +176,10 @@ def _cell(value: Any) -> Any:
 # ---- for a person --------------------------------------------------------------------------------------------------
 
 
-def _text(curve: Curve, limits: Limits, machine: str, results: Sequence[Result], files: Sequence[str]) -> str:
-    from feedplan.comparison import NOTE, saving
+def _text(found: Comparison, machine: str, files: Sequence[str]) -> str:
+    from feedplan.comparison import NOTE
 
+    curve, limits, results, saved = found.curve, found.limits, found.results, found.saving
     lines = [
         f"curve    {curve.name}, {curve.length:.3f} mm, axes {' '.join(curve.axes)}",
         f"machine  {machine}; feed {limits.feed:g} mm/s, period {limits.period:g} s",
@@ -193,16 +189,16 @@ def _text(curve: Curve, limits: Limits, machine: str, results: Sequence[Result],
     ]
     if any(not result.ok and result.judgement for result in results):
         lines += [*_slowed_table(results), ""]
-    if (found := saving(results)) is not None and found.rival:
+    if saved is not None and saved.rival:
         lines += textwrap.wrap(
-            f"The optimum saves {100.0 * found.share:.2f} % of the {found.rival_duration:.4f} s of {found.rival}, the "
+            f"The optimum saves {100.0 * saved.share:.2f} % of the {saved.rival_duration:.4f} s of {saved.rival}, the "
             "fastest other method that breaks nothing as it is.",
             _WIDTH,
         )
-    if found is not None and found.slowed_rival and found.slowed_rival != found.rival:
+    if saved is not None and saved.slowed_rival and saved.slowed_rival != saved.rival:
         lines += textwrap.wrap(
-            f"It saves {100.0 * found.slowed_share:.2f} % of the {found.slowed_duration:.4f} s of "
-            f"{found.slowed_rival}, the fastest other method once each has been slowed.",
+            f"It saves {100.0 * saved.slowed_share:.2f} % of the {saved.slowed_duration:.4f} s of "
+            f"{saved.slowed_rival}, the fastest other method once each has been slowed.",
             _WIDTH,
         )
     return "\n".join([*lines, *textwrap.wrap(f"{NOTE}.", _WIDTH), *(f"written  {name}" for name in files)])
@@ -210,7 +206,7 @@ def _text(curve: Curve, limits: Limits, machine: str, results: Sequence[Result],
 
 def _table(results: Sequence[Result]) -> list[str]:
     """Time never stands without what is broken, judged from rest to rest; a method that did not run says why."""
-    from feedplan.comparison import LETTERS, letters
+    from feedplan.comparison.judgement import LETTERS, letters
 
     lines = [
         f"{'':16}{'':9}{'':8}{'chord':>7}{'worst value / limit':>21}{'feed':>6}{'CPU':>5}",
@@ -263,7 +259,7 @@ def _slowed(judgement: Judgement) -> str:
 # ---- figure --------------------------------------------------------------------------------------------------------
 
 
-def comparison_panels(curve: Curve, limits: Limits, results: Sequence[Result]) -> list[Panel]:
+def comparison_panels(found: Comparison) -> list[Panel]:
     """Feed and jerk over the path, a row for each family of methods, the optimal plan in all of them.
 
     Returns
@@ -271,10 +267,11 @@ def comparison_panels(curve: Curve, limits: Limits, results: Sequence[Result]) -
     list of Panel
         Two a row: what ``planner.output.panels.plot_panels`` draws.
     """
-    from feedplan.comparison import OPTIMUM
+    from feedplan.comparison.methods import OPTIMUM
     from planner.output.panels import Line, Panel
 
-    ran = {result.method: result for result in results if result.motion is not None}
+    curve, limits = found.curve, found.limits
+    ran = {result.method: result for result in found.results if result.motion is not None}
     panels = []
     for title, names in _FAMILIES:
         family = [name for name in names if name in ran]

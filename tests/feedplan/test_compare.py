@@ -7,22 +7,14 @@ import io
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 from texts import strict_json
 
-from feedplan.comparison import (
-    METHODS,
-    _slowed_plan,
-    compare_methods,
-    dilation,
-    judge,
-    least_dilation,
-    letters,
-    result_facts,
-    saving,
-    select_methods,
-    worst_ratios,
-)
+from feedplan.comparison import Comparison, compare
+from feedplan.comparison.judgement import dilation, judge, least_dilation, letters, slowed_plan, worst_ratios
+from feedplan.comparison.methods import METHODS, select_methods
+from feedplan.comparison.result import result_facts, saving
 from planner import Limits, check, load_curve, load_limits
 from planner.errors import InputError
 
@@ -35,7 +27,7 @@ def teardrop():
     """Curve, limits and results by name."""
     curve = load_curve("teardrop")
     limits = load_limits("mill").for_curve(curve)
-    return curve, limits, {result.method: result for result in compare_methods(curve, limits, CHOSEN)}
+    return curve, limits, {result.method: result for result in compare(curve, limits, CHOSEN).results}
 
 
 def held_differences(samples, order, period):
@@ -84,7 +76,7 @@ class TestNumbers:
     def test_chord_error_beyond_its_tolerance_is_found(self):
         curve = load_curve("teardrop")
         tight = Limits(20.0, [30.0] * 2, [30.0] * 2, [200.0] * 2, chord_error=1e-6)
-        first, third = compare_methods(curve, tight, ["algorithm-1", "algorithm-3"])
+        first, third = compare(curve, tight, ["algorithm-1", "algorithm-3"]).results
         # Length^2 curvature / 8 where the teardrop is sharpest: radius 10.947321 mm.
         assert first.chord_error == pytest.approx(0.02**2 / 8.0 / 10.947321, rel=1e-3)
         assert "C" in letters(first.judgement)
@@ -102,7 +94,7 @@ class TestNumbers:
 
     def test_steady_feed_of_a_circle_is_where_the_normal_acceleration_is_used_up(self):
         limits = load_limits("mill").for_curve(load_curve("circle")).with_feed(300.0)
-        (result,) = compare_methods(load_curve("circle"), limits, ["2002-bell-steady"])
+        (result,) = compare(load_curve("circle"), limits, ["2002-bell-steady"]).results
         # Radius 50 mm, 1000 mm/s^2; the jerk would allow cbrt(20000 x 50^2) = 368 mm/s.
         assert result.motion.commanded.max() == pytest.approx(np.sqrt(1000.0 * 50.0), rel=1e-6)
 
@@ -137,13 +129,13 @@ class TestDilation:
         found = results["toppra"].judgement.dilation
         assert found.confirmed
         profile = results["toppra"].motion.profile
-        slowed = _slowed_plan(profile, found.factor)
+        slowed = slowed_plan(profile, found.factor)
         report = check(curve, limits.with_period(found.factor * limits.period), slowed)
         # A step of the acceleration stays one, however slow: only what a drive sees of it falls.
         assert {row.limit for row in report.violations} == {"step on a smooth path"}
         assert next(row for row in report.rows if row.limit == "acceleration step").ok
         faster = check(
-            curve, limits.with_period(0.999 * found.factor * limits.period), _slowed_plan(profile, 0.999 * found.factor)
+            curve, limits.with_period(0.999 * found.factor * limits.period), slowed_plan(profile, 0.999 * found.factor)
         )
         assert not all(row.ok for row in faster.rows if row.limit != "step on a smooth path")
 
@@ -165,7 +157,7 @@ class TestDilation:
     def test_long_chords_are_cured_by_more_points(self):
         curve = load_curve("snailshell")
         tight = Limits(20.0, [30.0] * 2, [1e6] * 2, [1e12] * 2, chord_error=1e-6)
-        (result,) = compare_methods(curve, tight, ["algorithm-1"])
+        (result,) = compare(curve, tight, ["algorithm-1"]).results
         assert [row.limit for row in result.judgement.broken] == ["chord error"]
         found = result.judgement.dilation
         assert found.confirmed
@@ -209,6 +201,46 @@ class TestSaving:
         assert found.slowed_rival == "algorithm-1"
 
 
+class TestComparison:
+    """The result of ``compare`` is a table of its methods."""
+
+    @pytest.fixture
+    def found(self, teardrop):
+        curve, limits, results = teardrop
+        return Comparison(curve, limits, tuple(results.values()))
+
+    def test_has_a_result_by_name(self, found):
+        assert found["optimal"] is found.results[-1]
+        with pytest.raises(InputError, match="method 'nlp' was not compared; there are algorithm-1, "):
+            _ = found["nlp"]
+
+    def test_is_a_table_of_what_the_command_writes(self, found):
+        frame = found.to_frame()
+        assert list(frame["method"]) == list(CHOSEN)
+        assert list(frame["machining_time_s"]) == [result.duration for result in found.results]
+        assert frame["breaks"][0] == ", ".join(row.limit for row in found.results[0].judgement.broken)
+        assert frame["jerk_ratio"].dtype == float
+        pd.testing.assert_frame_equal(pd.DataFrame(found), frame)
+
+    def test_is_told_in_two_lines(self, found):
+        lines = repr(found).splitlines()
+        assert len(lines) == 2
+        assert max(map(len, lines)) <= 80
+        assert "teardrop: 7 methods, 7 ran, 2 break nothing" in lines[0]
+        assert f"{100.0 * found.saving.share:.2f} % less than scurve" in lines[1]
+        assert repr(Comparison(found.curve, found.limits, found.results[:1])).count("\n") == 0
+
+    def test_takes_a_text_of_names(self):
+        curve = load_curve("circle")
+        results = compare(curve, load_limits("mill").for_curve(curve), "2002-trapezoid,algorithm-1").results
+        assert [result.method for result in results] == ["algorithm-1", "2002-trapezoid-1", "2002-trapezoid-2"]
+
+    def test_needs_a_method(self, teardrop):
+        curve, limits, _ = teardrop
+        with pytest.raises(InputError, match="methods is empty"):
+            compare(curve, limits, [])
+
+
 class TestMethods:
     def test_select_by_beginnings(self):
         assert select_methods("2002-bell,optimal") == ["2002-bell-1", "2002-bell-2", "2002-bell-steady", "optimal"]
@@ -221,18 +253,18 @@ class TestMethods:
     def test_unknown_method(self, teardrop):
         curve, limits, _ = teardrop
         with pytest.raises(InputError, match="'fastest'"):
-            compare_methods(curve, limits, ["fastest"])
+            compare(curve, limits, ["fastest"])
 
     def test_rotary_axes_are_a_reason(self):
         curve = load_curve("flank")
-        results = compare_methods(curve, load_limits("five-axis"), ["algorithm-1", "2002-bell-steady"])
+        results = compare(curve, load_limits("five-axis"), ["algorithm-1", "2002-bell-steady"]).results
         assert all("rotary" in result.reason for result in results)
         assert result_facts(results[0])["verdict"] == "not run"
 
     def test_steps_that_never_arrive_are_a_reason(self):
         curve = load_curve("butterfly-nurbs")
         limits = load_limits("mill").for_curve(curve).with_feed(300.0)
-        second, first = compare_methods(curve, limits, ["2002-bell-2", "2002-bell-1"])
+        second, first = compare(curve, limits, ["2002-bell-2", "2002-bell-1"]).results
         assert "come to u = 0.284" in second.reason
         assert first.reason == ""
 
