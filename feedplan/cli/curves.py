@@ -1,63 +1,84 @@
-"""The named curves: ``feedplan curves``."""
+"""The named curves: ``feedplan curves``.
+
+What is listed stands as data in the package, so that the list is there before a curve could be loaded; a test computes it
+again.
+"""
 
 from __future__ import annotations
 
 import json
+import textwrap
 from importlib import resources
-from typing import TYPE_CHECKING
+from typing import Annotated, Any
 
-from feedplan.cli.app import app, exits, show
+import typer
 
-if TYPE_CHECKING:
-    from rich.console import RenderableType
+from feedplan.cli.app import app, exits
 
-    from planner.geometry.curve import Curve
+_WIDTH = 80  # columns of a terminal
+_HEADS = ("name", "axes", "length mm", "u from", "to", "breaks by order")
+_NUMBERS = ("length mm", "u from", "to")
 
 
 @app.command(epilog="\b\nExample:\n  feedplan curves")
-def curves() -> None:
+def curves(
+    *, as_json: Annotated[bool, typer.Option("--json", help="Print the list as JSON and nothing else.")] = False
+) -> None:
     """List the named curves.
 
     Breaks are counted by what is still continuous there: G0 a corner, G1 the tangent, G2 the curvature, G3 its rate.
     """
     with exits():
-        from planner import CATALOG, load_curve
-
-        show(_curve_list({name: load_curve(name) for name in CATALOG}))
-
-
-def _curve_list(found: dict[str, Curve]) -> RenderableType:
-    from rich.console import Group
-    from rich.padding import Padding
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(box=None, padding=(0, 2, 0, 0), header_style="underline")
-    for column in ("name", "axes", "length mm", "u from", "to", "breaks by order"):
-        table.add_column(
-            column, justify="left" if column in {"name", "axes", "breaks by order"} else "right", no_wrap=True
-        )
-    sources: dict[str, list[str]] = {}
-    for name, curve in found.items():
-        u0, u1 = curve.domain
-        table.add_row(name, " ".join(curve.axes), f"{curve.length:.3f}", f"{u0:.6g}", f"{u1:.6g}", _smoothness(curve))
-        sources.setdefault(_source(name), []).append(name)
-    parts: list[RenderableType] = [table, ""]
-    for source, names in sources.items():
-        parts += [Text(f"{', '.join(names)}:"), Padding(Text(source), (0, 0, 0, 2))]
-    return Group(*parts)
+        found = curve_facts()
+        typer.echo(json.dumps(found, indent=2) if as_json else _text(found))
 
 
-def _smoothness(curve: Curve) -> str:
-    """Count the breaks by what is still continuous there: G0 a corner, G1 the tangent, G2 the curvature."""
-    orders = [b.geometric for b in curve.breaks]
-    return ", ".join(f"{orders.count(k)} G{k}" for k in range(4) if k in orders) or "none"
+def curve_facts() -> dict[str, dict[str, Any]]:
+    """Axes, length, domain, breaks by order and source of every named curve."""
+    facts = json.loads(_data("curve_facts.json"))
+    return {name: {**row, "source": _source(name)} for name, row in facts.items()}
+
+
+def _data(name: str) -> str:
+    return resources.files("planner").joinpath("data", name).read_text(encoding="utf-8")
 
 
 def _source(name: str) -> str:
     """Where the definition of a named curve was published."""
-    text = resources.files("planner").joinpath(f"data/curves/{name}.json").read_text(encoding="utf-8")
-    source = json.loads(text)["source"]
+    source = json.loads(_data(f"curves/{name}.json"))["source"]
     if "control_points_from" in source:
         return str(source["control_points_from"])
     return f"{source['authors']}: {source['title']} ({source['year']})"
+
+
+def _text(found: dict[str, dict[str, Any]]) -> str:
+    rows = [
+        (
+            name,
+            " ".join(row["axes"]),
+            f"{row['length_mm']:.3f}",
+            *(f"{end:.6g}" for end in row["domain"]),
+            ", ".join(f"{count} {order}" for order, count in row["breaks"].items()) or "none",
+        )
+        for name, row in found.items()
+    ]
+    widths = [max(map(len, column)) for column in zip(_HEADS, *rows, strict=True)]
+    lines = [_line(row, widths) for row in (_HEADS, *rows)]
+    names: dict[str, list[str]] = {}
+    for name, row in found.items():
+        names.setdefault(row["source"], []).append(name)
+    for source, of in names.items():
+        lines += [
+            "",
+            f"{', '.join(of)}:",
+            *textwrap.wrap(source, _WIDTH - 2, initial_indent="  ", subsequent_indent="  "),
+        ]
+    return "\n".join(lines)
+
+
+def _line(cells: tuple[str, ...], widths: list[int]) -> str:
+    placed = [
+        cell.rjust(width) if head in _NUMBERS else cell.ljust(width)
+        for head, cell, width in zip(_HEADS, cells, widths, strict=True)
+    ]
+    return "  ".join(placed).rstrip()
