@@ -39,9 +39,9 @@ from interp.literature.feedshapes import (
 from interp.literature.lookahead import PAPER_LIMITS, AdaptiveLimits, AdaptiveRun, interpolate_adaptive
 from interp.literature.servo import Tracking, contour_error, track
 from interp.taylor import packed_curve
+from planner import load_curve
 from planner.errors import InputError
 from planner.files.whole_file import require_writable, whole_file
-from planner.geometry.catalog import load_curve
 from planner.geometry.curve import Curve
 
 if TYPE_CHECKING:

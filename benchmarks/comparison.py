@@ -29,8 +29,8 @@ from feedplan.comparison import NOTE, compare
 from feedplan.comparison.judgement import Dilation, Judgement, letters
 from feedplan.comparison.methods import METHODS, select_methods
 from feedplan.comparison.result import Result, finite, result_facts, saving, saving_facts
+from planner import load_curve
 from planner.files.whole_file import require_writable, whole_file
-from planner.geometry.catalog import load_curve
 from planner.geometry.curve import Curve
 from planner.machine.limits import Limits
 

@@ -31,7 +31,7 @@ from feedplan.cli.compare import FIGURE_TITLE, comparison_panels
 from feedplan.comparison import compare
 from feedplan.job import Job
 from interp.literature.greedy import PUBLISHED_COUNTS, GreedyRun, greedy
-from planner.geometry.catalog import load_curve
+from planner import load_curve
 from planner.geometry.curve import Curve
 from planner.machine.limits import feedrate_limits
 from planner.output.panels import Line, Panel, plot_panels

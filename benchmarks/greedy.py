@@ -31,8 +31,8 @@ from rich.console import Console
 from rich.table import Table
 
 from interp.literature.greedy import DEFECTS, PUBLISHED_COUNTS, PUBLISHED_LIMITS, Braking, greedy
+from planner import load_curve
 from planner.files.whole_file import require_writable, whole_file
-from planner.geometry.catalog import load_curve
 from planner.geometry.curve import Curve
 from planner.geometry.formula import FormulaCurve
 from planner.machine.limits import Limits

@@ -32,7 +32,7 @@ from rich.table import Table
 from benchmarks.cases import drives
 from interp import InterpolatorTable, TaylorTable, quintic_step, replay, start, taylor_step
 from interp import taylor_kernels as kernels
-from planner.geometry.catalog import load_curve
+from planner import load_curve
 from planner.geometry.curve import Curve
 from planner.machine.limits import Limits
 from planner.machine.machine_file import load_limits

@@ -30,8 +30,8 @@ from rich.table import Table
 from benchmarks.cases import drives
 from benchmarks.interpolator import arrival, deviations, difference_ratios, environment, ratio_text
 from interp.literature.forms import FORMS, FormName, prepare, replay_form
+from planner import load_curve
 from planner.files.whole_file import require_writable, whole_file
-from planner.geometry.catalog import load_curve
 from planner.geometry.curve import Curve
 from planner.machine.limits import Limits
 from planner.plan import plan_feedrate

@@ -315,16 +315,17 @@ def load_job_of_table(
     The path of a part program depends on the limits it was made for and on the tolerance: both stand in the header.
     Arguments as for :func:`load_job`; the plan itself is read by :func:`planner.read_table`.
     """
-    from planner import table_limits
+    from planner import load_limits, table_limits
     from planner.geometry.curve import Curve
 
     own = table_limits(table)
-    said, share = tolerance_of_table(table, source)
-    tolerance = said if tolerance is None else _positive(tolerance)
+    said = tolerance_of_table(table, source)
+    tolerance = said.mm if tolerance is None else _positive(tolerance)
     if not isinstance(source, Curve) and is_program(source):
-        found = program_curve(source, scale, own, tolerance, share, widen=True)
+        weights = load_limits(said.machine) if said.machine else own
+        found = program_curve(source, scale, weights, tolerance, said.share, widen=not said.machine)
     else:
-        found = plain_curve(source, scale, tolerance, share)
+        found = plain_curve(source, scale, tolerance, said.share)
     if machine is None:
         return Job.of(found, own, f"limits in {table}")
     limits, named = load_machine(machine)

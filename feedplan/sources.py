@@ -9,17 +9,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from planner.errors import InputError
+from planner.programs import DEFAULT_TOLERANCE, SUFFIXES
 
 if TYPE_CHECKING:
     from planner.geometry.curve import Curve
+    from planner.geometry.tolerance import PathTolerance
     from planner.machine.limits import Limits
     from planner.programs.path.path import ProgramPath
     from planner.programs.reading.program import Program
 
-PROGRAM_SUFFIXES = (".ngc", ".nc", ".tap")
 # Of the tolerance, where a program is written too: the path takes this, and the lines of the program the rest.
 PATH_SHARE = 0.75
-DEFAULT_TOLERANCE = 0.01  # mm
 _LONG = 20_000  # moves
 _POINTS_TOLERANCE = 1e-3  # mm, of the points of a CSV file
 Pairs: TypeAlias = tuple[tuple[str, str], ...]
@@ -49,7 +49,7 @@ class SourceCurve:
 
 def is_program(source: str | Path) -> bool:
     """Whether the name of a curve is that of a part program."""
-    return Path(source).suffix.lower() in PROGRAM_SUFFIXES
+    return Path(source).suffix.lower() in SUFFIXES
 
 
 def is_points(source: str | Path) -> bool:
@@ -60,7 +60,7 @@ def is_points(source: str | Path) -> bool:
 def require_program(source: str | Path, what: str) -> None:
     """Refuse a curve without lines."""
     if not is_program(source):
-        raise InputError(f"{source} has no lines; {what} needs a part program, {', '.join(PROGRAM_SUFFIXES)}")
+        raise InputError(f"{source} has no lines; {what} needs a part program, {', '.join(SUFFIXES)}")
 
 
 def plain_curve(source: str | Path | Curve, scale: float, tolerance: float | None, share: float) -> SourceCurve:
@@ -68,19 +68,20 @@ def plain_curve(source: str | Path | Curve, scale: float, tolerance: float | Non
     from planner import load_curve
     from planner.geometry.curve import Curve
     from planner.geometry.points import FittedCurve, read_points
+    from planner.programs.source import require_unscaled
 
     if isinstance(source, Curve) or not is_points(source):
         name = source.name if isinstance(source, Curve) else source
         if tolerance is not None and share == 1.0:
             raise InputError(f"tolerance = {tolerance!r} mm is for part programs and points; {name} is exact")
         if isinstance(source, Curve):
-            _require_scale(name, scale)
+            require_unscaled(name, scale)
         curve = source if isinstance(source, Curve) else load_curve(source, scale=scale)
         return SourceCurve(curve, tolerance or DEFAULT_TOLERANCE)
     if tolerance is None:
         curve, allowed, room = load_curve(source, scale=scale), _POINTS_TOLERANCE, DEFAULT_TOLERANCE
     else:
-        _require_scale(source, scale)
+        require_unscaled(source, scale)
         allowed, room = share * tolerance, (1.0 - share) * tolerance
         curve = read_points(source, tolerance, share=share)
     facts: Pairs = ()
@@ -107,10 +108,10 @@ def program_curve(
     import numpy as np
 
     from feedplan.verdict import program_summary
-    from planner import program_path, read_program
-    from planner.geometry.tolerance import PathTolerance
+    from planner import read_program
+    from planner.programs.source import given_tolerances, path_of, require_unscaled
 
-    _require_scale(source, scale)
+    require_unscaled(source, scale)
     program = read_program(source)
     if len(program) > _LONG and notice is not None:
         notice(
@@ -118,31 +119,24 @@ def program_curve(
             "feedplan windows plans any number"
         )
     limits = _widened(limits, program.axes) if widen else limits
-    if tolerance is None:
-        given = np.where(np.isnan(program.tolerance), DEFAULT_TOLERANCE, program.tolerance)
-        path = program_path(replace(program, tolerance=share * given), None, limits)
-        least = float(given[given > 0.0].min(initial=np.inf))
-        least = least if np.isfinite(least) else DEFAULT_TOLERANCE
-    else:
-        path = program_path(program, share * tolerance, limits)
-        least = tolerance
-    made = replace(path.curve, name=Path(source).name, made_within=PathTolerance(tolerance, share))
-    path = replace(path, curve=made)
+    path = path_of(program, limits, tolerance, share)
+    given = given_tolerances(program) if tolerance is None else np.array([tolerance])
+    least = float(given[given > 0.0].min(initial=np.inf))
+    room = (1.0 - share) * (least if np.isfinite(least) else DEFAULT_TOLERANCE)
     facts = (("program", program_summary(program, path)),)
-    return SourceCurve(path.curve, (1.0 - share) * least, facts, program, path)
+    return SourceCurve(path.curve, room, facts, program, path)
 
 
-def tolerance_of_table(table: str | Path, source: str | Path | Curve) -> tuple[float | None, float]:
-    """Read the tolerance that a table says its curve was made within, and the curve's share of it; None for none."""
+def tolerance_of_table(table: str | Path, source: str | Path | Curve) -> PathTolerance:
+    """Read the tolerance that a table says its curve was made within; where it says none, that of an exact curve."""
     from planner.geometry.curve import Curve
+    from planner.geometry.tolerance import PathTolerance
     from planner.output.table import table_origin
 
-    said = table_origin(table).tolerance
+    said = table_origin(table).tolerance or PathTolerance(None)
     # A table of an exact curve says no tolerance: one that does is of another curve, as reading it will tell.
     inexact = not isinstance(source, Curve) and (is_program(source) or is_points(source))
-    if said is None:
-        return None, 1.0
-    return said.mm if inexact else None, said.share
+    return said if inexact else replace(said, mm=None)
 
 
 def _widened(limits: Limits, axes: tuple[str, ...]) -> Limits:
@@ -154,8 +148,3 @@ def _widened(limits: Limits, axes: tuple[str, ...]) -> Limits:
         return limits
     rows = {q.key: [*limits.of(q), *[math.inf] * len(resting)] for q in AXIS}
     return limits.with_axes((*limits.axes, *resting), **rows)
-
-
-def _require_scale(source: str | Path, scale: float) -> None:
-    if scale != 1.0:
-        raise InputError(f"scale = {scale!r} is not for {source}; it must be 1")

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
         SolverError,
         StalledError,
     )
-    from planner.geometry.catalog import CATALOG, load_curve
+    from planner.geometry.catalog import CATALOG
     from planner.geometry.curve import Break, Curve
     from planner.geometry.drawing import read_dxf
     from planner.geometry.points import FittedCurve, read_points
@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from planner.programs.path.path import ProgramPath, program_path
     from planner.programs.reading.program import Program
     from planner.programs.reading.reader import read_program
+    from planner.programs.source import load_curve
     from planner.programs.times import LineTimes, line_times
     from planner.verify import Report, Row, check
 
@@ -103,7 +104,7 @@ _HOME = {
         "SolverError",
         "StalledError",
     ),
-    "planner.geometry.catalog": ("CATALOG", "load_curve"),
+    "planner.geometry.catalog": ("CATALOG",),
     "planner.geometry.curve": ("Break", "Curve"),
     "planner.geometry.drawing": ("read_dxf",),
     "planner.geometry.points": ("FittedCurve", "read_points"),
@@ -119,6 +120,7 @@ _HOME = {
     "planner.programs.path.path": ("ProgramPath", "program_path"),
     "planner.programs.reading.program": ("Program",),
     "planner.programs.reading.reader": ("read_program",),
+    "planner.programs.source": ("load_curve",),
     "planner.programs.times": ("LineTimes", "line_times"),
     "planner.verify": ("Report", "Row", "check"),
 }

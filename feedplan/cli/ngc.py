@@ -10,9 +10,10 @@ import typer
 
 from feedplan.cli.app import AsJson, CurveName, Machine, Scale, app, exits, notice, require_apart
 from feedplan.job import Job, load_job, load_job_of_table
-from feedplan.sources import DEFAULT_TOLERANCE, PATH_SHARE
+from feedplan.sources import PATH_SHARE
 from planner.errors import InputError
 from planner.files.whole_file import require_writable
+from planner.programs import DEFAULT_TOLERANCE
 
 if TYPE_CHECKING:
     from planner.output.ngc import Mode

@@ -36,7 +36,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputError, StalledError
-from planner.geometry.catalog import load_curve
+from planner.geometry.catalog import read_curve
 from planner.geometry.curve import Curve
 from planner.inputs import positive_number
 from planner.machine.limits import FeedrateLimits, Limits, require_limits
@@ -438,7 +438,7 @@ def _teardrop() -> Path:
 
 @cache
 def _catalog_curve(name: str) -> Curve:
-    return load_curve(name)
+    return read_curve(name)
 
 
 def _scale_of(curve: Curve, name: str) -> float:

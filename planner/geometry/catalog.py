@@ -33,8 +33,8 @@ _KEYS = {
 }  # fmt: skip
 
 
-def load_curve(source: str | Path, *, scale: float = 1.0) -> Curve:
-    """Load a curve by its catalog name or from a file.
+def read_curve(source: str | Path, *, scale: float = 1.0) -> Curve:
+    """Load a curve by its catalog name or from the file of a curve, which no part program is.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def load_curve(source: str | Path, *, scale: float = 1.0) -> Curve:
         what = "a directory; give" if named and os.path.isdir(source) else "neither"
         join = "or" if what != "neither" else "nor"
         raise CurveError(
-            f"curve {str(source)!r} is {what} a .json, .toml, .dxf or .csv file {join} a name: {', '.join(CATALOG)}"
+            f"curve {str(source)!r} is {what} a .json, .toml, .dxf, .csv or .ngc file {join} a name: {', '.join(CATALOG)}"
         )
     table = _read(source, kind)
     inner = table.get("curve", table)

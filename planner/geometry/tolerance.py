@@ -15,7 +15,10 @@ class PathTolerance:
         Largest distance from the source, mm; None: the P words of the part program.
     share : float
         Part of it that the curve took; the rest is left to a program written from the plan.
+    machine : str
+        Example machine whose limits weighed the path of a part program; empty where they are those of the plan.
     """
 
     mm: float | None
     share: float = 1.0
+    machine: str = ""

@@ -26,7 +26,7 @@ from planner.geometry.curve import ROTARY_AXES, Curve
 from planner.geometry.tolerance import PathTolerance
 from planner.inputs import plain_number, require_instance, shorten
 from planner.machine.limits import RAPID, SCALARS, Limits, require_limits
-from planner.machine.machine_file import file_key
+from planner.machine.machine_file import EXAMPLE_MACHINES, file_key
 from planner.origin import Origin
 from planner.profile import FeedrateProfile, Samples
 from planner.quantity import AXIS, limit_names
@@ -65,7 +65,8 @@ _BOUND = 2e-6  # of the duration: what a lower bound may lie above it by, since 
 _AT_REST = 1e-9  # of the largest feed
 _TRUTH = {"yes": True, "no": False}
 # What else a table may say of its curve: how the path was made from a part program or from points.
-_TOLERANCE, _SHARE, _OWN = "path_tolerance_mm", "path_share", "P words"
+_TOLERANCE, _SHARE, _MACHINE, _OWN = "path_tolerance_mm", "path_share", "path_machine", "P words"
+_FURTHER = (_TOLERANCE, _SHARE, _MACHINE, "slowed")
 # How earlier versions began what they said of the status.
 _STATUS_BEFORE = {
     "slowed down by": "slowed",
@@ -187,7 +188,14 @@ def read_table(path: str | Path, curve: Curve) -> FeedrateProfile:
         _require_facts(file, profile)
         file.require_rows(columns)
         file.require_only(
-            [*_KEYS, _TOLERANCE, _SHARE, "slowed", *(key for keys in _limit_keys(curve.axes).values() for key in keys)]
+            [
+                *_KEYS,
+                _TOLERANCE,
+                _SHARE,
+                _MACHINE,
+                "slowed",
+                *(key for keys in _limit_keys(curve.axes).values() for key in keys),
+            ]
         )
         return profile
 
@@ -200,7 +208,14 @@ def table_limits(path: str | Path) -> Limits:
     with reading(path, _PLAN_FORMAT, _KEYS) as file:
         limits = _limits_of(file)
         file.require_only(
-            [*_KEYS, _TOLERANCE, _SHARE, "slowed", *(key for keys in _limit_keys(limits.axes).values() for key in keys)]
+            [
+                *_KEYS,
+                _TOLERANCE,
+                _SHARE,
+                _MACHINE,
+                "slowed",
+                *(key for keys in _limit_keys(limits.axes).values() for key in keys),
+            ]
         )
         return limits
 
@@ -282,11 +297,12 @@ def _tolerance_lines(tolerance: PathTolerance | None) -> dict[str, str]:
     if tolerance is None:
         return {}
     said = {_TOLERANCE: _OWN if tolerance.mm is None else repr(tolerance.mm)}
-    return said if tolerance.share == 1.0 else said | {_SHARE: repr(tolerance.share)}
+    said |= {} if tolerance.share == 1.0 else {_SHARE: repr(tolerance.share)}
+    return said | ({_MACHINE: tolerance.machine} if tolerance.machine else {})
 
 
 def _tolerance(file: ColumnFile) -> PathTolerance | None:
-    if not {_TOLERANCE, _SHARE} & file.header.keys():
+    if not {_TOLERANCE, _SHARE, _MACHINE} & file.header.keys():
         return None
     mm = None if file.header.get(_TOLERANCE, _OWN) == _OWN else _number(file, _TOLERANCE)
     share = _number(file, _SHARE) if _SHARE in file.header else 1.0
@@ -294,7 +310,13 @@ def _tolerance(file: ColumnFile) -> PathTolerance | None:
         raise InputError(f"{file.path}: the header says {_TOLERANCE} = {mm!r}; it must be > 0 and finite")
     if not 0.0 < share <= 1.0:
         raise InputError(f"{file.path}: the header says {_SHARE} = {share!r}; it must lie within (0, 1]")
-    return PathTolerance(mm, share)
+    machine = file.header.get(_MACHINE, "")
+    if machine and machine not in EXAMPLE_MACHINES:
+        raise InputError(
+            f'{file.path}: the header says {_MACHINE} = "{shorten(machine)}"; it must be one of '
+            f"{', '.join(EXAMPLE_MACHINES)}"
+        )
+    return PathTolerance(mm, share, machine)
 
 
 def _origin(file: ColumnFile) -> Origin:

@@ -13,7 +13,7 @@ from benchmarks import classics
 from benchmarks import replay as forms
 from interp import interpolate_adaptive, replay_form
 from interp.literature.lookahead import PAPER_LIMITS
-from planner.geometry.catalog import load_curve
+from planner import load_curve
 
 
 @pytest.fixture(scope="module")

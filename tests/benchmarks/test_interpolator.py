@@ -10,7 +10,7 @@ from motions import plan_along, scurve
 
 from benchmarks import interpolator
 from interp import replay
-from planner.geometry.catalog import load_curve
+from planner import load_curve
 from planner.machine.limits import Limits
 
 QUINTIC = interpolator.FORMS[-1]

@@ -286,7 +286,7 @@ class TestBadFiles:
             load_curve("a\0b.json")
         with pytest.raises(CurveError, match="cannot be read"):
             load_curve("x" * 5000 + ".json")
-        with pytest.raises(CurveError, match=r"neither a \.json, \.toml, \.dxf or \.csv file nor a name"):
+        with pytest.raises(CurveError, match=r"neither a \.json, \.toml, \.dxf, \.csv or \.ngc file nor a name"):
             load_curve(tmp_path / "none")
         with pytest.raises(CurveError, match=r"is a directory; give a \.json, \.toml, \.dxf or \.csv file or a name"):
             load_curve(tmp_path)

@@ -6,8 +6,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from planner import load_curve
 from planner.errors import CurveError, InputError
-from planner.geometry.catalog import load_curve
 from planner.geometry.drawing import read_dxf
 from planner.geometry.nurbs import NurbsCurve
 from planner.geometry.points import read_points

@@ -22,8 +22,8 @@ from motions import (
 )
 
 from interp import replay
+from planner import load_curve
 from planner.errors import InputError
-from planner.geometry.catalog import load_curve
 from planner.geometry.nurbs import NurbsCurve
 from planner.machine.limits import Limits
 from planner.plan import plan_feedrate

@@ -12,8 +12,8 @@ from numba.core.runtime import _nrt_python, rtsys
 
 from interp import InterpolatorTable, TaylorTable, quintic_step, replay, start, taylor_step
 from interp import taylor_kernels as kernels
+from planner import load_curve
 from planner.errors import InputError
-from planner.geometry.catalog import load_curve
 from planner.profile import make_profile
 
 ORDERS = (1, 2, 3, 5)

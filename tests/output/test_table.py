@@ -102,7 +102,8 @@ def profiles(draw):
         method=draw(st.sampled_from(["optimal", "nlp", ""])),
         lower_bound=draw(st.one_of(st.just(np.nan), st.floats(0.0, float(t[-1])))),
     )
-    tolerance = st.builds(PathTolerance, st.none() | st.floats(1e-6, 1.0), st.just(1.0) | st.floats(0.1, 0.9))
+    shares, machines = st.just(1.0) | st.floats(0.1, 0.9), st.sampled_from(["", "mill"])
+    tolerance = st.builds(PathTolerance, st.none() | st.floats(1e-6, 1.0), shares, machines)
     origin = Origin(LIMITS.period, draw(st.booleans()), False, draw(st.none() | tolerance))
     notes = draw(st.lists(st.text(st.characters(codec="utf-8")), max_size=2))
     return dataclasses.replace(

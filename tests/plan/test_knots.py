@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from problems import laid_out
 from strategies import random_nurbs
 
+from planner import load_curve
 from planner.errors import InfeasibleError
-from planner.geometry.catalog import load_curve
 from planner.geometry.formula import FormulaCurve
 from planner.machine.limits import Limits
 from planner.machine.machine_file import load_limits

@@ -7,7 +7,7 @@ from cases import DRIVES, drives, line_arc_line, mill
 from problems import laid_out
 from strategies import derivatives_of, oracle
 
-from planner.geometry.catalog import load_curve
+from planner import load_curve
 from planner.geometry.differential import arc_derivatives
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve

@@ -10,7 +10,7 @@ from problems import laid_out
 from scipy.integrate import quad
 from scipy.interpolate import CubicSpline
 
-from planner.geometry.catalog import load_curve
+from planner import load_curve
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
 from planner.law import TimeNodes, joined

@@ -7,7 +7,7 @@ from program_blocks import line as block
 from program_blocks import program
 from strategies import random_nurbs
 
-from planner.geometry.catalog import load_curve
+from planner import load_curve
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
 from planner.law import TimeNodes

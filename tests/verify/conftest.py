@@ -6,7 +6,7 @@ import cases
 import pytest
 from check_plans import ELLIPSE, check, lift, limits_at, profile_on, sampled, scurve, unlimited
 
-from planner.geometry.catalog import load_curve
+from planner import load_curve
 from planner.machine.limits import Limits
 
 

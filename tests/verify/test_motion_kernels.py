@@ -7,7 +7,7 @@ import importlib
 import numpy as np
 import pytest
 
-from planner.geometry.catalog import load_curve
+from planner import load_curve
 from planner.machine.limits import Limits
 from planner.profile import make_profile
 from planner.verify.motion import Motion, TimeLaw

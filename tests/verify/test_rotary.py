@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from check_plans import AXIS_LIMITS, check, profile_on, sampled, scurve, tangential, unlimited
 
-from planner.geometry.catalog import load_curve
+from planner import load_curve
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
 from planner.machine.limits import Limits

@@ -24,7 +24,7 @@ from check_plans import (
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planner.geometry.catalog import load_curve
+from planner import load_curve
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
 from planner.machine.limits import Limits

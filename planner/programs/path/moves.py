@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 
 from planner.errors import CurveError
 from planner.geometry.blend import Legs
+from planner.programs import DEFAULT_TOLERANCE
 from planner.programs.path.deviation import Programmed
 from planner.programs.reading.program import ARC, AXES, RAPID, Program
 from planner.types import FloatArray
-
-DEFAULT_TOLERANCE = 0.01  # mm, where neither the program nor the caller gives one
 
 
 @dataclass(frozen=True, eq=False)

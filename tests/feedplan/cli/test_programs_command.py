@@ -449,6 +449,7 @@ def test_a_table_of_points_written_from_python_says_its_tolerance(run, tmp_path)
         ("path_tolerance_mm", "inf", "path_tolerance_mm = inf; it must be > 0 and finite"),
         ("path_share", "1.5", "path_share = 1.5; it must lie within"),
         ("path_share", "nan", "path_share = nan; it must lie within"),
+        ("path_machine", "lathe", "path_machine = .lathe.; it must be one of mill, five-axis"),
     ],
 )
 def test_a_table_with_a_false_tolerance_is_refused(run, corners, tmp_path, monkeypatch, key, text, message):

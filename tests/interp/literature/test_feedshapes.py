@@ -16,8 +16,8 @@ from interp.literature.feedshapes import (
     interpolate_constant,
     interpolate_shape,
 )
+from planner import load_curve
 from planner.errors import InputError
-from planner.geometry.catalog import load_curve
 from planner.geometry.nurbs import NurbsCurve
 from planner.profile import Samples
 

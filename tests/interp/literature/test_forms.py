@@ -9,8 +9,8 @@ from motions import plan_along, scurve, time_at
 
 from interp import replay
 from interp.literature.forms import FORMS, prepare, replay_form
+from planner import load_curve
 from planner.errors import InputError, StalledError
-from planner.geometry.catalog import load_curve
 from planner.geometry.nurbs import NurbsCurve
 from planner.machine.limits import Limits
 from planner.profile import make_profile

@@ -13,8 +13,8 @@ import pytest
 from benchmarks import greedy as benchmark
 from interp import greedy
 from interp.literature.greedy import DEFECTS, PUBLISHED_COUNTS
+from planner import load_curve
 from planner.errors import InputError, StalledError
-from planner.geometry.catalog import load_curve
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
 from planner.machine.limits import Limits

@@ -21,8 +21,8 @@ from interp.literature.lookahead import (
     span_coefficients,
     span_matrix,
 )
+from planner import load_curve
 from planner.errors import InfeasibleError, InputError, StalledError
-from planner.geometry.catalog import load_curve
 from planner.geometry.nurbs import NurbsCurve
 
 LINE = NurbsCurve([[0.0, 0.0], [30.0, 40.0]], [0.0, 0.0, 1.0, 1.0], 1, name="line")

@@ -8,8 +8,8 @@ from scipy.integrate import solve_ivp
 
 from interp.literature.feedshapes import FeedShape, filter_axes, interpolate_constant, interpolate_shape
 from interp.literature.servo import XY_TABLE, AxisDrive, contour_error, track
+from planner import load_curve
 from planner.errors import InputError
-from planner.geometry.catalog import load_curve
 
 PERIOD = 1e-3
 LAST_DIGIT = 1e-4

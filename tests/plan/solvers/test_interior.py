@@ -13,8 +13,8 @@ from problems import problem_of
 from strategies import insert_knot, random_nurbs
 
 from interp import replay
+from planner import load_curve
 from planner.errors import SolverError
-from planner.geometry.catalog import load_curve
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
 from planner.machine.limits import Limits

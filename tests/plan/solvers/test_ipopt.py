@@ -6,8 +6,8 @@ from cases import MILL, drives, ellipse
 from problems import problem_of
 from strategies import random_nurbs
 
+from planner import load_curve
 from planner.errors import SolverError
-from planner.geometry.catalog import load_curve
 from planner.geometry.nurbs import NurbsCurve
 from planner.machine.limits import Limits
 from planner.plan import plan_feedrate

@@ -9,8 +9,8 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from strategies import random_nurbs
 
+from planner import load_curve
 from planner.errors import InfeasibleError, InputError
-from planner.geometry.catalog import load_curve
 from planner.geometry.fiveaxis import DualSplineCurve
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve

@@ -5,8 +5,8 @@ import pytest
 from cases import FEEDS, OPTIMA, drives, ellipse, line, mill, velocity_time
 from strategies import random_nurbs
 
+from planner import load_curve
 from planner.errors import FeedrateError
-from planner.geometry.catalog import load_curve
 from planner.geometry.nurbs import NurbsCurve
 from planner.machine.limits import Limits
 from planner.plan import plan_feedrate

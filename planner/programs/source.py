@@ -1,0 +1,103 @@
+"""A tool path by the name of what it comes from: a named curve, a file of one, a drawing, points, or a part program."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from planner.errors import InputError
+from planner.geometry.catalog import read_curve
+from planner.geometry.curve import Curve
+from planner.geometry.tolerance import PathTolerance
+from planner.programs import DEFAULT_TOLERANCE, SUFFIXES
+
+if TYPE_CHECKING:
+    from planner.machine.limits import Limits
+    from planner.programs.path.path import ProgramPath
+    from planner.programs.reading.program import Program
+
+EXAMPLE = "mill"
+"""The machine whose limits weigh the path of a program where none are given."""
+
+
+def load_curve(
+    source: str | Path, *, scale: float = 1.0, tolerance: float | None = None, limits: Limits | None = None
+) -> Curve:
+    """Load a curve by its name or from a file.
+
+    Parameters
+    ----------
+    source : str or Path
+        One of :data:`~planner.geometry.catalog.CATALOG`; a ``.json`` or ``.toml`` file of a curve; a ``.dxf`` drawing; a
+        ``.csv`` file of points; or a part program, ``.ngc``, ``.nc`` or ``.tap``.
+    scale : float
+        Multiplies the linear axes; a part program has its own size.
+    tolerance : float, optional
+        Largest distance of the curve from the points (1e-3 mm if left out), or from the part program (its P words, 0.01 mm
+        where it has none); other curves are exact.
+    limits : Limits, optional
+        Of the machine that is to run the part program: they weigh in its corners where smoothness is worth most.  Left
+        out, those of the example machine ``mill``; the path keeps its tolerance either way, and any limits can be planned
+        with.
+
+    Returns
+    -------
+    Curve
+        Of a part program its ``feed_caps`` are the F words.  Lines, dwells and tools are those of
+        :func:`~planner.programs.reading.reader.read_program` and :func:`~planner.programs.path.path.program_path`, which
+        this calls.
+
+    Raises
+    ------
+    CurveError
+        If the name is unknown, the file cannot be read, or the curve in it is not valid.
+    InputError
+        If the part program is not one, or an argument is not as it must be or not for such a source.
+    """
+    kind = Path(source).suffix.lower() if isinstance(source, str | os.PathLike) else ""
+    if kind in SUFFIXES:
+        from planner.machine.machine_file import load_limits
+        from planner.programs.reading.reader import read_program
+
+        require_unscaled(source, scale)
+        machine = "" if limits is not None else EXAMPLE
+        path = path_of(read_program(source), load_limits(machine) if limits is None else limits, tolerance)
+        return replace(path.curve, made_within=PathTolerance(tolerance, machine=machine))
+    if tolerance is None:
+        return read_curve(source, scale=scale)
+    if kind == ".csv":
+        from planner.geometry.points import read_points
+
+        require_unscaled(source, scale)
+        return read_points(source, tolerance)
+    raise InputError(f"tolerance = {tolerance!r} mm is for part programs and points; {source} is exact")
+
+
+def path_of(program: Program, limits: Limits, tolerance: float | None, share: float = 1.0) -> ProgramPath:
+    """Make the path of a part program, which takes a share of the tolerance and the name of the file.
+
+    ``tolerance`` in mm stands in place of the program's P words.
+    """
+    from planner.programs.path.path import program_path
+
+    if tolerance is None:
+        path = program_path(replace(program, tolerance=share * given_tolerances(program)), None, limits)
+    else:
+        path = program_path(program, share * tolerance, limits)
+    named: dict[str, Any] = {"name": Path(program.source).name, "made_within": PathTolerance(tolerance, share)}
+    return replace(path, curve=replace(path.curve, **named))
+
+
+def given_tolerances(program: Program) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """P word in force at every move, mm, the default where there is none."""
+    return np.where(np.isnan(program.tolerance), DEFAULT_TOLERANCE, program.tolerance)
+
+
+def require_unscaled(source: str | Path, scale: float) -> None:
+    """Refuse another scale than 1 for what has its own size."""
+    if scale != 1.0:
+        raise InputError(f"scale = {scale!r} is not for {source}; it must be 1")
