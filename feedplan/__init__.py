@@ -87,6 +87,7 @@ if TYPE_CHECKING:
         write_table,
     )
     from planner.certificate import Certificate
+    from planner.geometry.makers import formula, from_points, from_spline, nurbs
     from planner.output.certificate_file import read_certificate, write_certificate
     from planner.output.plots import plot_plan, save_plot
     from planner.output.table import write_samples
@@ -138,6 +139,9 @@ __all__ = [
     "contour_error",
     "feedrate_limits",
     "filter_axes",
+    "formula",
+    "from_points",
+    "from_spline",
     "greedy",
     "interpolate_adaptive",
     "interpolate_constant",
@@ -147,6 +151,7 @@ __all__ = [
     "load_job",
     "load_job_of_table",
     "load_limits",
+    "nurbs",
     "plan_and_check",
     "plan_feedrate",
     "plan_program",
@@ -182,6 +187,7 @@ _HOME = {
     "feedplan.page": ("write_report",),
     "feedplan.verdict": ("Verdict",),
     "planner.certificate": ("Certificate",),
+    "planner.geometry.makers": ("formula", "from_points", "from_spline", "nurbs"),
     "planner.output.certificate_file": ("read_certificate", "write_certificate"),
     "planner.output.plots": ("plot_plan", "save_plot"),
     "planner.output.table": ("write_samples",),

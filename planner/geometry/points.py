@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -30,14 +30,14 @@ class FittedCurve(NurbsCurve):
     deviation : float
         Largest distance of a given point from the point of the curve that stands for it, mm.
     row : int
-        Line of the file that point stands in.
+        Line of the file, or row of the array, that point stands in.
     """
 
     deviation: float
     row: int
 
     def __init__(
-        self, control_points: ArrayLike, knots: ArrayLike, degree: int, axes: Sequence[str], name: str
+        self, control_points: ArrayLike, knots: ArrayLike, degree: int, axes: Sequence[str] | None, name: str
     ) -> None:
         super().__init__(control_points, knots, degree, axes=axes, name=name)
 
@@ -74,32 +74,48 @@ def read_points(path: str | Path, tolerance: float, *, share: float = 1.0) -> Fi
     """
     limit = share * positive_number(tolerance, "tolerance")
     points, lines, axes = _read_table(path)
+    curve = fit_points(points, limit, axes, Path(path).stem, str(path), lambda row: f"{path}:{lines[row]}")
+    object.__setattr__(curve, "row", int(lines[curve.row]))
+    object.__setattr__(curve, "made_within", PathTolerance(float(tolerance), share))
+    return curve
+
+
+def fit_points(
+    points: FloatArray,
+    tolerance: float,
+    axes: Sequence[str] | None,
+    name: str,
+    source: str,
+    place: Callable[[int], str],
+) -> FittedCurve:
+    """Fit a curve to points (n, dim) as :func:`read_points` does; messages name the source, and the place of a row."""
+    limit = positive_number(tolerance, "tolerance")
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    keep = np.append(True, steps > _SAME * steps.sum())
-    points, lines = points[keep], lines[keep]
+    keep = np.append(True, steps > _SAME * steps.sum()) if points.shape[0] else np.zeros(0, dtype=bool)
+    points, rows = points[keep], np.flatnonzero(keep)
     if points.shape[0] < 2:
-        raise CurveError(f"{path}: {points.shape[0]} different points are too few; a curve needs 2")
+        raise CurveError(f"{source}: {points.shape[0]} different points are too few; a curve needs 2")
     u = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
     try:
         knots, control, degree = _fit(points, u, limit)
     except (np.linalg.LinAlgError, ValueError):  # the matrix of the spline is singular, or FITPACK refuses its input
         k = int(np.argmax(np.diff(u)))
         raise CurveError(
-            f"{path}:{lines[k + 1]}: this point is {np.diff(u)[k]:.6g} mm from the one before it, where half of all steps "
-            f"are below {np.median(np.diff(u)):.3g} mm: no spline keeps within {limit:g} mm of such points; is it one of "
-            "them?"
+            f"{place(rows[k + 1])}: this point is {np.diff(u)[k]:.6g} mm from the one before it, where half of "
+            f"all steps are below {np.median(np.diff(u)):.3g} mm: no spline keeps within {limit:g} mm of such points; is it "
+            "one of them?"
         ) from None
-    curve = FittedCurve(control, knots, degree, axes, Path(path).stem)
+    curve = FittedCurve(control, knots, degree, axes, name)
     away = np.linalg.norm(curve.derivatives(np.clip(u, *curve.domain), 0)[0] - points, axis=1)
     worst = int(np.argmax(away))
     if not away[worst] <= limit:
         raise CurveError(
-            f"{path}:{lines[worst]}: the spline through the points misses this one by {away[worst]:.3g} mm; "
+            f"{place(rows[worst])}: the spline through the points misses this one by {away[worst]:.3g} mm; "
             f"{limit:g} mm are allowed: the points are too uneven"
         )
     object.__setattr__(curve, "deviation", float(away[worst]))
-    object.__setattr__(curve, "row", int(lines[worst]))
-    object.__setattr__(curve, "made_within", PathTolerance(float(tolerance), share))
+    object.__setattr__(curve, "row", int(rows[worst]))
+    object.__setattr__(curve, "made_within", PathTolerance(limit))
     return curve
 
 
