@@ -1,0 +1,277 @@
+"""The pages on file formats list the keys, columns and arrays that the code writes and reads: all of them, and no other."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from cases import PROGRAMS, PROJECT
+from doc_pages import DOCS, blocks, key_tables
+
+import feedplan.progress
+from feedplan.cli import app
+from planner import load_curve, load_limits, plan_feedrate, write_table
+from planner.errors import InputError
+from planner.geometry import catalog
+from planner.machine.machine_file import _file_models
+from planner.programs.reading.blocks import _G_WORDS, _M_WORDS, _VALUE_LETTERS
+from planner.status import Status
+
+SLOTS = str(PROGRAMS / "slots.ngc")
+STOPS = str(PROGRAMS / "stops.ngc")
+ALWAYS = "always"
+TABLES = (("teardrop", "XY"), ("flank", "XYZAC"), ("slots", "XY"), ("slowed", "XY"))
+
+
+def rows(page, name):
+    """A table of keys on a page."""
+    return key_tables(DOCS / f"{page}.md")[name]
+
+
+def names(page, name):
+    """The first column of it."""
+    found = [row[0] for row in rows(page, name)]
+    assert len(found) == len(set(found)), f"{page}: a key is listed twice"
+    return found
+
+
+def agree(page, table, found):
+    """A page lists what the files have between them; what it says is always there is what they have in common."""
+    listed = {row[0]: row[1] for row in rows(page, table)}
+    assert set().union(*found) == set(listed), f"{page}, {table}"
+    assert set.intersection(*found) == {key for key, when in listed.items() if when == ALWAYS}, f"{page}, {table}"
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """Files and JSON of every kind; between them they have every key."""
+    feedplan.progress.load_kernels()
+    folder = tmp_path_factory.mktemp("files")
+    points = folder / "points.csv"
+    points.write_text("0,0\n10,1\n20,4\n30,9\n40,16\n")
+    mill = (PROJECT / "planner" / "data" / "machines" / "mill.toml").read_text(encoding="utf-8")
+    (folder / "rapids.toml").write_text(mill.replace("period_s", "rapid_mm_s = 150.0\nperiod_s"))
+
+    def run(*words, status=0):
+        with pytest.raises(SystemExit) as stop:
+            app([str(word) for word in words], prog_name="feedplan")
+        assert (stop.value.code or 0) == status
+
+    run("plan", "teardrop", "--certificate", folder / "bound.npz", "-o", folder / "teardrop.csv", "--intervals", 100)
+    run("plan", "flank", "-o", folder / "flank.csv", "--intervals", 100)
+    run("plan", SLOTS, "--machine", folder / "rapids.toml", "-o", folder / "slots.csv", "--program", folder / "out.ngc",
+        "--lines", folder / "slots-lines.csv")  # fmt: skip
+    run("time", STOPS, "-o", folder / "stops-lines.csv")
+    run("replay", folder / "teardrop.csv", "teardrop", "-o", folder / "teardrop-samples.csv")
+    run("replay", folder / "flank.csv", "flank", "-o", folder / "flank-samples.csv")
+    curve = load_curve("teardrop")
+    limits = load_limits("mill").for_curve(curve)
+    plan = replace(plan_feedrate(curve, limits, intervals=100), slowed=((0, 1.5),))
+    write_table(folder / "slowed.csv", plan, limits)
+    return folder
+
+
+@pytest.fixture
+def json_of(capsys):
+    """What a command prints as JSON, as a set of dotted keys."""
+
+    def command(*words):
+        capsys.readouterr()
+        with pytest.raises(SystemExit):
+            app([str(word) for word in (*words, "--json")], prog_name="feedplan")
+        return json.loads(capsys.readouterr().out)
+
+    return command
+
+
+def header(file):
+    """Keys of the header of a CSV file, in their order."""
+    lines = file.read_text(encoding="utf-8").splitlines()
+    return [line[2:].partition(" = ")[0] for line in lines if line.startswith("#")]
+
+
+def columns(file):
+    """Names of its columns."""
+    lines = file.read_text(encoding="utf-8").splitlines()
+    return next(line for line in lines if not line.startswith("#")).split(",")
+
+
+def spelled(keys, axes):
+    """Keys with every axis and its unit put in."""
+    out = []
+    for key in keys:
+        if "{axis}" not in key:
+            out.append(key)
+            continue
+        out += [key.replace("{axis}", axis).replace("{unit}", "rad" if axis in "ABC" else "mm") for axis in axes]
+    return out
+
+
+def generic(keys, axes):
+    """The other way round: keys of an axis under the name that the page gives them."""
+    unit = r"rad|mm"
+    return {re.sub(rf"(^|_)({'|'.join(axes)})_({unit})(?=_|$)", r"\1{axis}_{unit}", key) for key in keys}
+
+
+def test_columns_of_the_table(files):
+    """In their order, for two and for five axes."""
+    for name, axes in (("teardrop", "XY"), ("flank", "XYZAC"), ("slots", "XY")):
+        assert columns(files / f"{name}.csv") == spelled(names("format-table", "columns"), axes)
+
+
+def test_header_of_the_table(files):
+    """Every line that any table has, and which all of them have."""
+    found = [generic(header(files / f"{name}.csv"), axes) for name, axes in TABLES]
+    agree("format-table", "header", found)
+
+
+def test_words_of_the_status():
+    """The words that the page explains are those of the enumeration."""
+    assert set(names("format-table", "status")) == {status.value for status in Status}
+
+
+def test_samples(files):
+    """Columns in their order, and the lines of the header."""
+    for name, axes in (("teardrop", "XY"), ("flank", "XYZAC")):
+        assert columns(files / f"{name}-samples.csv") == spelled(names("format-samples", "columns"), axes)
+        assert header(files / f"{name}-samples.csv") == names("format-samples", "header")
+
+
+def test_line_times(files):
+    """With and without the column that only ``feedplan time`` writes."""
+    assert columns(files / "stops-lines.csv") == names("format-line-times", "columns")
+    assert columns(files / "slots-lines.csv") == names("format-line-times", "columns")[:-1]
+    agree("format-line-times", "header", [set(header(files / f"{name}-lines.csv")) for name in ("slots", "stops")])
+
+
+def test_certificate(files):
+    """Arrays, and keys of the header in one of them."""
+    with np.load(files / "bound.npz") as archive:
+        assert list(archive) == names("format-certificate", "arrays")
+        assert list(json.loads(archive["header"].tobytes())) == names("format-certificate", "header")
+
+
+def test_plan_of_windows(files):
+    """Arrays of the plan of a long program."""
+    with pytest.raises(SystemExit):
+        app(["windows", STOPS, "-o", str(files / "long.npz")], prog_name="feedplan")
+    with np.load(files / "long.npz") as archive:
+        assert set(archive) == set(names("format-windows", "arrays"))
+        assert str(archive["format"]) in next(row[2] for row in rows("format-windows", "arrays") if row[0] == "format")
+
+
+@pytest.mark.parametrize("kind", list(catalog._KEYS))
+def test_keys_of_a_curve(kind):
+    """Of each type, and the remarks that may stand beside them."""
+    assert set(names("format-curve", kind)) == set(catalog._KEYS[kind])
+    assert set(names("format-curve", "remarks")) == set(catalog._REMARKS)
+
+
+def test_keys_of_a_machine():
+    """Those of the models that read the file, what is needed and what is taken where it is left out."""
+    models = dict(zip(("machine", "linear axis", "rotary axis"), _file_models(), strict=True))
+    for name, model in models.items():
+        assert names("format-machine", name) == list(model.model_fields)
+    for key, said, *_ in rows("format-machine", "machine"):
+        field = models["machine"].model_fields[key]
+        assert said == ("needed" if field.is_required() else f"{field.default:g}")
+
+
+def test_example_of_a_machine_has_every_key():
+    """The TOML block of the page shows all keys of its tables."""
+    text = next(block.text for block in blocks(DOCS / "format-machine.md") if block.language == "toml")
+    table = tomllib.loads(text)
+    shown = set(table) - {"axis"} | {key for axis in table["axis"] for key in axis}
+    assert shown == {key for name in ("machine", "linear axis", "rotary axis") for key in names("format-machine", name)}
+
+
+def test_every_key_of_an_ini_file_counts(tmp_path):
+    """The INI block shows the keys of the list, and each of them changes the limits or is needed."""
+    text = next(block.text for block in blocks(DOCS / "format-machine.md") if block.language == "ini")
+    file = tmp_path / "machine.ini"
+    file.write_text(text)
+    whole = load_limits(file)
+    section, lines = "", text.splitlines()
+    shown = set()
+    for k, line in enumerate(lines):
+        if line.startswith("["):
+            section = line
+        if "=" not in line:
+            continue
+        shown.add(f"{section}{line.split(' = ')[0]}".replace("[AXIS_Y]", "[AXIS_X]"))
+        without = [*lines[:k], *lines[k + 1 :]]
+        if section == "[KINS]":
+            without.append("[KINS]\nKINEMATICS = 5axiskins")  # the default is trivkins, which the block says too
+        if "ANGULAR" in line or "SERVO" in line:
+            continue  # a block of linear axes, and of the default period
+        file.write_text("\n".join(without))
+        with suppress(InputError):  # it is needed
+            assert load_limits(file) != whole, f"{section}{line} changes nothing"
+    assert shown == set(names("format-machine", "ini"))
+
+
+def test_words_of_a_program():
+    """G and M words and letters that are read, each with its number as it is written."""
+
+    def word(letter, code):
+        return f"{letter}{code / 10:g}" if letter == "G" else f"{letter}{code}"
+
+    assert set(names("format-program", "G")) == {word("G", code) for code in _G_WORDS}
+    assert set(names("format-program", "M")) == {word("M", code) for code in _M_WORDS}
+    assert set(names("format-program", "letters")) == set(_VALUE_LETTERS)
+
+
+def test_json_of_the_verdict(files, json_of):
+    """Of a curve, a program with stops, points, a table with its certificate."""
+    agree_json(
+        "verdict",
+        [
+            json_of("plan", "teardrop", "--intervals", 100),
+            json_of("plan", STOPS, "-o", files / "stops.csv"),
+            json_of("plan", files / "points.csv", "--tolerance-mm", 0.01),
+            json_of("check", files / "teardrop.csv", "teardrop", "--certificate", files / "bound.npz"),
+        ],
+    )
+
+
+def test_json_of_times(json_of):
+    """Beside its own keys, those of the program in the verdict."""
+    found = json_of("time", STOPS)
+    program = found["program"]
+    assert {f"program.{key}" for key in dotted(program) if key != "file"} == {
+        key for key in names("format-json", "verdict") if key.startswith("program.")
+    }
+    agree_json("time", [{**found, "program": {"file": program["file"]}}])
+
+
+def test_json_of_other_commands(files, json_of):
+    """A program written, a long program, a comparison with the optimum and one without."""
+    agree_json("ngc", [json_of("ngc", "teardrop", "-o", files / "teardrop.ngc")])
+    agree_json("windows", [json_of("windows", STOPS, "-o", files / "windows.npz")])
+    agree_json("compare", [json_of("compare", "teardrop", "--methods", "scurve"),
+                           json_of("compare", "teardrop", "--methods", "scurve,optimal")])  # fmt: skip
+
+
+def agree_json(table, found):
+    """As ``agree``, of nested keys; a list without entries has those that the page names."""
+    listed = set(names("format-json", table))
+    sets = []
+    for facts in found:
+        keys = {re.sub(r"^(held_back_by|saved_by_one_percent_s)\..*", r"\1.{limit}", key) for key in dotted(facts)}
+        keys = {re.sub(r"^checks\.(plan|samples)\[\]", "checks.{which}[]", key) for key in keys}
+        sets.append({key for key in keys if key in listed or not any(one.startswith(f"{key}.") for one in listed)})
+    agree("format-json", table, sets)
+
+
+def dotted(value, prefix=""):
+    """Keys of nested JSON; an entry of a list as [], also where it has none."""
+    if isinstance(value, dict):
+        return set().union(*(dotted(item, f"{prefix}.{key}" if prefix else key) for key, item in value.items()))
+    if isinstance(value, list) and value:
+        return set().union(*(dotted(item, f"{prefix}[]") for item in value))
+    return {f"{prefix}[]"} if isinstance(value, list) else {prefix}
