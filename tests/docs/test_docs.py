@@ -99,6 +99,20 @@ def test_links_lead_somewhere(page):
         assert not anchor or anchor in anchors(file), f"{page.name} links to {target}, which is no heading"
 
 
+@pytest.mark.parametrize("page", LINKED, ids=lambda page: str(page.relative_to(PROJECT)))
+def test_named_files_exist(page):
+    """Modules and folders of the project that a page names: they move, and pages forget it."""
+    text = page.read_text(encoding="utf-8")
+    quoted = " ".join(re.findall(r"`([^`\n]+)`", text))
+    for name in re.findall(r"(?<![\w/.])((?:planner|interp|feedplan|benchmarks|tests|findings)/[\w./]*)", quoted):
+        assert (PROJECT / name).exists(), f"{page.name} names {name}"
+    modules = {file.name for package in ("planner", "interp", "feedplan") for file in (PROJECT / package).rglob("*.py")}
+    for name in re.findall(r"(?<![\w/.])(\w+\.py)\b", quoted):
+        assert name in modules, f"{page.name} names {name}"
+    for name in re.findall(r"python -m (benchmarks[\w.]*)", quoted):
+        assert importlib.util.find_spec(name) is not None, f"{page.name} names {name}"
+
+
 def test_every_page_is_reached_from_the_index():
     """No page of the documentation is an orphan."""
     index = {target.partition("#")[0] for _, target in links(DOCS / "README.md")}
