@@ -2,11 +2,23 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import numpy as np
+from hypothesis import Phase
+from hypothesis import strategies as st
+from strategies import random_nurbs
+
 from planner.geometry.curve import Curve
+from planner.geometry.nurbs import NurbsCurve
 from planner.machine.limits import Limits
+from planner.plan import plan_feedrate
 from planner.plan.knots import Grid, Scan, place_knots, scan, with_blends
 from planner.plan.rows import Constraints, build
 from planner.plan.section import Section, cut
+
+SEEDS = st.integers(0, 2000)  # of random_case
+NO_SHRINKING = (Phase.explicit, Phase.generate)  # a smaller seed is not a simpler path
 
 
 def laid_out(
@@ -25,3 +37,23 @@ def problem_of(
     """The arrays that a solver sees."""
     section, guess, grid = laid_out(curve, limits, intervals, start=start, end=end, periodic=periodic)
     return build(section, limits, grid, guess, periodic=periodic)[0]
+
+
+def random_case(seed: int) -> tuple[NurbsCurve, Limits]:
+    """A random curve in two or three axes, and limits of a usual machine."""
+    rng = np.random.default_rng(seed)
+    degree, dim = int(rng.integers(3, 6)), int(rng.integers(2, 4))
+    curve = random_nurbs(seed, degree, dim, spans=int(rng.integers(1, 5)), rational=bool(rng.integers(2)))
+    limits = Limits(
+        float(rng.choice([60.0, 200.0, np.inf])),
+        rng.uniform(50.0, 400.0, dim),
+        rng.uniform(300.0, 3000.0, dim),
+        rng.uniform(5000.0, 60000.0, dim),
+        chord_error=float(rng.choice([1e-3, np.inf])),
+    )
+    return curve, limits
+
+
+def duration(curve: Curve, limits: Limits, **options: Any) -> float:
+    """Seconds of the plan."""
+    return plan_feedrate(curve, limits, **options).duration
