@@ -184,7 +184,7 @@ def test_corners_join_sections_from_stop_to_stop():
     sides = [float(np.abs(np.subtract(a, b)).sum()) for a, b in pairwise(corners)]
     exact = sum(s_curve_time(side, 100.0, 1000.0, 20000.0) for side in sides)
     assert profile.duration == pytest.approx(exact, rel=1e-4)
-    assert profile.stats["sections"] == 4
+    assert profile.work.sections == 4
     stops = [profile.t[profile.u == u] for u in (1.0, 2.0, 3.0)]
     assert np.cumsum([s_curve_time(side, 100.0, 1000.0, 20000.0) for side in sides])[:3] == pytest.approx(
         [t[0] for t in stops], rel=1e-4
