@@ -1,0 +1,137 @@
+"""Where a module is tested: in the file named after it, in the folder that its own has here, or where this page says."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+from cases import PROJECT
+
+TESTS = PROJECT / "tests"
+PACKAGES = ("planner", "interp", "feedplan")
+
+# Modules without a file of their own, by the file that tests them: they are parts of what is named there.
+ELSEWHERE = {
+    "feedplan/cli/test_plan.py": ("feedplan.cli.app", "feedplan.job", "feedplan.progress"),
+    "feedplan/cli/test_programs.py": ("feedplan.cli.windows",),
+    "feedplan/test_page.py": ("feedplan.cli.report", "planner.output.traces"),
+    "geometry/test_curve.py": ("planner.geometry.fit",),
+    "geometry/test_drawing.py": ("planner.geometry.chain", "planner.geometry.points"),
+    "geometry/test_nurbs.py": ("planner.geometry.tape",),
+    "interp/literature/test_lookahead.py": ("interp.literature.classic_kernels",),
+    "machine/test_limits.py": ("planner.machine.machine_file", "planner.quantity"),
+    "output/test_roundtrip.py": ("planner.output.ngc_program",),
+    "output/test_table.py": (
+        "planner.files.archive",
+        "planner.files.columns",
+        "planner.files.whole_file",
+        "planner.verify.implied_columns",
+    ),
+    "plan/solvers/test_scurve.py": ("planner.plan.solvers.arcpath",),
+    "plan/solvers/test_accelerations.py": ("planner.plan.solvers.acceleration_kernels",),
+    "plan/test_bounds.py": tuple(
+        f"planner.plan.dual.{name}" for name in ("method", "method_kernels", "problem", "terms")
+    ),
+    "plan/test_knots.py": ("planner.plan.slow",),
+    "plan/test_plan_grid.py": ("planner.plan.chord_errors",),
+    "plan/test_refine.py": ("planner.plan.stage",),
+    "plan/test_speed_law.py": ("planner.law",),
+    "programs/long/test_windows.py": tuple(
+        f"planner.programs.long.{name}" for name in ("done", "journal", "parts", "restore", "run", "window")
+    ),
+    "programs/path/test_absorb.py": ("planner.programs.path.corner_sizes",),
+    "programs/path/test_corners.py": ("planner.geometry.blend",),
+    "programs/path/test_path.py": tuple(f"planner.programs.path.{name}" for name in ("measure", "moves", "stretch")),
+    "programs/path/test_tube.py": ("planner.programs.path.tube_knots", "planner.programs.reading.noise"),
+    "programs/reading/test_reader.py": tuple(
+        f"planner.programs.reading.{name}" for name in ("arcs", "blocks", "program", "words")
+    ),
+    "verify/certificate/test_certificate.py": (
+        "planner.verify.certificate.places",
+        "planner.verify.certificate.shapes",
+    ),
+    "verify/test_motion.py": ("planner.verify.peaks", "planner.verify.quantities"),
+    "verify/test_rotary.py": ("planner.verify.steps", "planner.verify.tiplength"),
+    "verify/test_verify.py": tuple(
+        f"planner.verify.{name}" for name in ("chords", "meanjerk", "profile", "report", "samples", "sizes")
+    ),
+}
+# Files that are named after no module, by what they are about.
+TOPICS = {
+    "benchmarks": "the commands of the benchmarks",
+    "machine/test_feed_caps.py": "limits of a curve whose blocks have feeds of their own",
+    "output/test_roundtrip.py": "programs that are written and planned again",
+    "plan/solvers/test_interior_invariants.py": "what must not change the optimum",
+    "plan/solvers/test_interior_plans.py": "plans of the interior-point method",
+    "interp/literature/test_greedy_runs.py": "what runs report and refuse",
+    "plan/test_extreme.py": "curves and machines at the edges of what is allowed",
+    "plan/test_plan_ends.py": "ends of a plan",
+    "plan/test_plan_grid.py": "intervals of a plan",
+    "plan/test_refine_stats.py": "what a plan says of its work",
+    "programs/reading/test_refusals.py": "programs that are refused",
+    "programs/test_rapids.py": "rapids of a program, from the reader to the plan",
+    "verify/test_defects.py": "planted defects",
+    "verify/test_rotary.py": "rotary axes",
+    "test_imports.py": "which room may import which",
+    "test_layout.py": "this page",
+    "test_mutations.py": "mutated files of every kind",
+}
+
+
+def is_trivial(module: Path) -> bool:
+    """Whether a module defines nothing that runs: names handed on, types, exceptions without code."""
+    for node in ast.walk(ast.parse(module.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.FunctionDef) and node.name not in {"__getattr__", "__dir__"}:
+            return False
+    return True
+
+
+def own_test(module: Path) -> Path:
+    """The file named after a module; kernels share that of the module that calls them, a package has its name."""
+    path = module.relative_to(PROJECT / "planner") if "planner" in module.parts else module.relative_to(PROJECT)
+    stem = module.parent.name if module.stem == "__init__" else module.stem
+    found = TESTS / path.parent / f"test_{stem}.py"
+    caller = found.with_name(found.name.replace("_kernels", ""))
+    return found if found.exists() or not caller.exists() else caller
+
+
+def dotted(module: Path) -> str:
+    parts = module.relative_to(PROJECT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+MODULES = {
+    dotted(path): path
+    for package in PACKAGES
+    for path in sorted((PROJECT / package).rglob("*.py"))
+    if not is_trivial(path)
+}
+PLACED = {module: TESTS / file for file, modules in ELSEWHERE.items() for module in modules}
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_every_module_has_its_file_or_a_place_elsewhere(module):
+    own = own_test(MODULES[module])
+    assert own.exists() or module in PLACED, f"{module}: neither {own.relative_to(PROJECT)} nor an entry here"
+
+
+def test_what_is_named_here_exists():
+    assert set(PLACED) <= set(MODULES)
+    assert len(PLACED) == sum(map(len, ELSEWHERE.values()))
+    assert [name for name in (*ELSEWHERE, *TOPICS) if not (TESTS / name).exists()] == []
+
+
+def test_every_file_is_named_after_a_module_or_a_topic():
+    named = {own_test(path) for path in MODULES.values()} | {TESTS / name for name in TOPICS}
+    files = {file if file.parent.name != "benchmarks" else file.parent for file in TESTS.rglob("test_*.py")}
+    assert files - named == set()
+
+
+def test_the_scan_finds_what_it_should():
+    """A kernel beside its caller, a package by its name, a file in its folder."""
+    assert own_test(PROJECT / "planner/plan/solvers/interior_kernels.py") == TESTS / "plan/solvers/test_interior.py"
+    assert own_test(PROJECT / "planner/verify/__init__.py") == TESTS / "verify/test_verify.py"
+    assert own_test(PROJECT / "interp/replay.py") == TESTS / "interp/test_replay.py"
+    assert "planner.types" not in MODULES
+    assert "planner.geometry.curve" in MODULES
