@@ -251,5 +251,7 @@ def test_growth_is_limited_from_every_neighbour(seed):
 def test_a_feed_is_left_where_the_parameter_hardly_moves_the_path():
     """Beside a near-cusp differences of the path's length are nothing but rounding, and the feed must not vanish."""
     curve, limits = load_curve(CURVES / "seed36.json"), load_limits(CURVES / "seed36.toml")
-    for section in cut(curve, limits, 0.0, 0.0, exact_stop=False):
+    sections = cut(curve, limits, 0.0, 0.0, exact_stop=False)
+    assert sections
+    for section in sections:
         assert np.isfinite(scan(section, limits, 1000).duration)

@@ -213,6 +213,8 @@ def test_a_limit_costs_time_where_it_holds_the_path_back_and_nowhere_else(name: 
     held["feed"] = (
         held.get("feed", 0.0) + held.pop("programmed feed", 0.0) + held.pop("rapid", 0.0)
     )  # shares do not tell who commands a feed
+    assert max(held.values()) > 0.01 * largest
+    assert max(shares.get(limit, 0.0) for limit in held) > 0.02
     for limit, saved in held.items():
         if saved > 0.01 * largest:
             assert limit in shares

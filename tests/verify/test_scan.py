@@ -154,6 +154,7 @@ def differenced(profile, t, order, name, axis):
         else:
             values = ellipse_position(profile, at)[:, axis]
         found.append(abs(np.diff(values, order)[0]) / h**order)
+    assert found
     return found
 
 

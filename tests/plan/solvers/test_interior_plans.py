@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from cases import drives, ellipse, line, s_curve_time
+from cases import drives, ellipse, line, line_arc_line, s_curve_time
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from problems import NO_SHRINKING, SEEDS, duration, random_case
@@ -93,11 +93,10 @@ def test_curvature_jumps_in_quick_succession(spans, period, intervals):
 
 
 def test_jumps_pass_within_their_share_of_the_jerk():
-    w = np.sqrt(0.5)
-    points = [[-20, 0], [-10, 0], [0, 0], [10, 0], [10, 10], [10, 20], [10, 30]]
-    curve = NurbsCurve(points, [0, 0, 0, 1, 1, 2, 2, 3, 3, 3], 2, [1, 1, 1, w, 1, 1, 1])
-    limits = Limits(100.0, [250.0] * 2, [1000.0] * 2, [20000.0, 12000.0])
+    curve = line_arc_line()
+    limits = drives(jerk=[20000.0, 12000.0])
     profile = plan_feedrate(curve, limits)
+    assert len(curve.breaks) == 2
     for b in curve.breaks:
         k = int(np.flatnonzero(profile.u == b.u)[0])
         sides = [curve.derivatives(b.u, 2, side=side) for side in ("left", "right")]

@@ -22,6 +22,7 @@ class TestCurvatureJumps:
 
     def test_the_least_over_speed_and_step_is_that_of_a_linear_program(self):
         rng = np.random.default_rng(7)
+        counted = 0
         for trial in range(200):
             dim = int(rng.integers(1, 5))
             jump, tangent, cost, saved, largest = rng.normal(size=(5, dim))
@@ -48,6 +49,8 @@ class TestCurvatureJumps:
             best = linprog(objective, rows, sides_, bounds=[(0.0, 1.0), (None, None), *[(0.0, None)] * dim])
             assert best.success
             assert _least(jump, tangent, pull, cap, cost, saved, largest) == pytest.approx(best.fun, rel=1e-6, abs=1e-6)
+            counted += 1
+        assert counted > 180
 
     def test_the_price_covers_every_step_that_a_check_grants(self):
         curve, limits = bends(), self.limits(tangential_acceleration=900.0, tangential_jerk=3000.0)
