@@ -178,7 +178,7 @@ class TestRefusals:
             assert not report.proved > plan
         assert verify_bound(curve, limits, certificate).proved > 0.0
         # zip's own sums find most
-        assert read < 100
+        assert 0 < read < 100
 
 
 class TestCommand:
