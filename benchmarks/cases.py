@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from planner import Curve, Limits, load_curve, load_limits
+from planner.geometry.nurbs import NurbsCurve
 
 FEEDS = (100.0, 300.0)  # mm/s
 
@@ -46,6 +47,18 @@ def mill(feed: float = 100.0, dim: int = 2, **changes: Any) -> Limits:
 def drives(feed: float = 100.0, dim: int = 2, **changes: Any) -> Limits:
     """Limits of the mill's feed and drives, as :func:`mill`, without a chord error."""
     return mill(feed, dim, **({"chord_error": np.inf} | changes))
+
+
+def bump(nanometres: float) -> NurbsCurve:
+    """Two straight runs of 20 mm with a bump of the given height and width between them."""
+    height = 1e-6 * nanometres
+    run = np.concatenate([[20.0, 10.0, 5.0], 2.5 * 0.3 ** np.arange(14)])
+    run = run[run > 3.0 * height]
+    x = np.concatenate([-run, height * np.arange(-2.0, 3.0), run[::-1]])
+    points = np.stack([x, np.where(np.abs(x) < 0.5 * height, height, 0.0)], axis=1)
+    s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+    knots = np.concatenate([[s[0]] * 4, np.convolve(s, np.ones(3) / 3.0, "valid")[1:-1], [s[-1]] * 4])
+    return NurbsCurve(points, knots, 3, name=f"bump of {nanometres:g} nm")
 
 
 def reference_cases() -> list[tuple[str, Curve, Limits, float]]:

@@ -32,7 +32,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from benchmarks.cases import drives, mill, reference_cases
+from benchmarks.cases import bump, drives, mill, reference_cases
 from benchmarks.durations import toppra_seconds
 from planner import Curve, FeedrateError, Limits, __version__, certify, check, load_curve, plan_feedrate
 from planner.files.whole_file import whole_file
@@ -209,18 +209,6 @@ def in_a_process(kind: str, intervals: int) -> dict[str, Any]:
     done = subprocess.run(command, check=True, capture_output=True, text=True, timeout=1200)
     answer: dict[str, Any] = json.loads(done.stdout)
     return answer
-
-
-def bump(nanometres: float) -> NurbsCurve:
-    """Two straight runs of 20 mm with a bump of the given height and width between them."""
-    height = 1e-6 * nanometres
-    run = np.concatenate([[20.0, 10.0, 5.0], 2.5 * 0.3 ** np.arange(14)])
-    run = run[run > 3.0 * height]
-    x = np.concatenate([-run, height * np.arange(-2.0, 3.0), run[::-1]])
-    points = np.stack([x, np.where(np.abs(x) < 0.5 * height, height, 0.0)], axis=1)
-    s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
-    knots = np.concatenate([[s[0]] * 4, np.convolve(s, np.ones(3) / 3.0, "valid")[1:-1], [s[-1]] * 4])
-    return NurbsCurve(points, knots, 3, name=f"bump of {nanometres:g} nm")
 
 
 def tiny_features() -> dict[str, Any]:

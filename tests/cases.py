@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 from scipy.integrate import quad
 
-from benchmarks.cases import BUTTERFLY_NURBS_LIMITS, FEEDS, OPTIMA, drives, mill, reference_cases
+from benchmarks.cases import BUTTERFLY_NURBS_LIMITS, FEEDS, OPTIMA, bump, drives, mill, reference_cases
 from planner import Curve, Limits, check
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
 
-__all__ = ["BUTTERFLY_NURBS_LIMITS", "FEEDS", "OPTIMA", "drives", "mill", "reference_cases"]
+__all__ = ["BUTTERFLY_NURBS_LIMITS", "FEEDS", "OPTIMA", "bump", "drives", "mill", "reference_cases"]
 
 PROJECT = Path(__file__).resolve().parents[1]
 PROGRAMS = PROJECT / "tests" / "data" / "programs"  # part programs, see README.md there

@@ -34,7 +34,7 @@ ELSEWHERE = {
         f"planner.plan.dual.{name}" for name in ("method", "method_kernels", "problem", "terms")
     ),
     "plan/test_knots.py": ("planner.plan.slow",),
-    "plan/test_plan_grid.py": ("planner.plan.chord_errors",),
+    "plan/test_plan.py": ("planner.plan.chord_errors",),
     "plan/test_refine.py": ("planner.plan.stage",),
     "plan/test_speed_law.py": ("planner.law",),
     "programs/long/test_windows.py": tuple(
@@ -67,8 +67,6 @@ TOPICS = {
     "interp/literature/test_greedy_runs.py": "what runs report and refuse",
     "plan/test_extreme.py": "curves and machines at the edges of what is allowed",
     "plan/test_plan_ends.py": "ends of a plan",
-    "plan/test_plan_grid.py": "intervals of a plan",
-    "plan/test_refine_stats.py": "what a plan says of its work",
     "programs/reading/test_refusals.py": "programs that are refused",
     "programs/test_rapids.py": "rapids of a program, from the reader to the plan",
     "verify/test_defects.py": "planted defects",
