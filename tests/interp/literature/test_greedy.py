@@ -11,7 +11,6 @@ from greedy_cases import CURVES, MADE, NAMES, REPAIRED, greedy_limit, limits
 from interp import greedy
 from interp.literature.greedy import DEFECTS, PUBLISHED_COUNTS
 from planner import load_curve
-from planner.geometry.catalog import load_curve
 from planner.geometry.formula import FormulaCurve
 from planner.machine.limits import Limits
 

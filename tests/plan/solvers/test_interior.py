@@ -10,7 +10,6 @@ from problems import problem_of
 
 from planner import load_curve
 from planner.errors import SolverError
-from planner.geometry.catalog import load_curve
 from planner.machine.limits import Limits
 from planner.plan import plan_feedrate
 from planner.plan.solvers import interior as optimal
