@@ -26,7 +26,7 @@ from benchmarks.cases import reference_cases
 from planner import load_curve, load_limits, plan_feedrate
 from planner.geometry.curve import Curve
 from planner.geometry.differential import chain_rule, jerk_terms
-from planner.law import TimeNodes
+from planner.law import TimeLaw
 from planner.machine.limits import Limits
 from planner.plan.bounds import certify, section_bound
 from planner.plan.dual.method import best_multipliers
@@ -39,7 +39,6 @@ from planner.plan.solvers import interior as optimal
 from planner.plan.solvers.interior import Iterate
 from planner.plan.stage import Attempt, Stage, Task
 from planner.plan.utilisation import Utilisation, utilisation
-from planner.profile import evaluate_law
 from planner.types import FloatArray
 
 INTERVALS = 1000
@@ -176,9 +175,9 @@ def blend_row(name: str, width: float, intervals: int = INTERVALS) -> BlendRow:
 # --- between the points ---------------------------------------------------------------------------------------------
 
 
-def measured(of: Case, at: Stage, attempt: Attempt) -> tuple[TimeNodes, Utilisation]:
+def measured(of: Case, at: Stage, attempt: Attempt) -> tuple[TimeLaw, Utilisation]:
     """The time law of a solution, and what it uses between its nodes."""
-    nodes = attempt.law.nodes(at.path)
+    nodes = attempt.law.time_law(at.path)
     return nodes, utilisation(of.curve, of.limits, nodes)
 
 
@@ -219,7 +218,7 @@ def collocation_rows(name: str, intervals: int = INTERVALS) -> list[CollocationR
 class Round:
     """One round of refinement: its nodes, what they use, and the solver's iterations."""
 
-    nodes: TimeNodes
+    nodes: TimeLaw
     used: Utilisation
     iterations: int
 
@@ -258,9 +257,9 @@ def round_rows(name: str, count: int = 2) -> list[RoundRow]:
     return rows
 
 
-def jerk_shares(curve: Curve, limits: Limits, nodes: TimeNodes, t: FloatArray) -> FloatArray:
+def jerk_shares(curve: Curve, limits: Limits, nodes: TimeLaw, t: FloatArray) -> FloatArray:
     """Jerk of each axis over its limit at times t, (n, dim)."""
-    u, u1, u2, u3 = (v[:, None] for v in evaluate_law(nodes.t, nodes.u, nodes.u_rate, nodes.u_acceleration, t))
+    u, u1, u2, u3 = (v[:, None] for v in nodes.at(t))
     q = curve.derivatives(u[:, 0], 3)
     return np.asarray(chain_rule(q[1], q[2], q[3], u1, u2, u3)[2] / limits.jerk)
 
@@ -362,7 +361,7 @@ def grid_rows(name: str, counts: Sequence[int]) -> list[GridRow]:
         attempt = at.solve(of.task, coarse_attempt(of, n), _FINE_GAP)
         work = attempt.work
         cost = 1e6 * work.solve_cpu_s / work.iterations / at.grid.intervals
-        duration = float(attempt.law.nodes(at.path).t[-1])
+        duration = float(attempt.law.time_law(at.path).t[-1])
         rows.append(GridRow(name, at.grid.intervals, duration, 0.0, work.iterations, cost))
     return [replace(row, above_finest=row.duration_s / rows[-1].duration_s - 1.0) for row in rows]
 

@@ -24,7 +24,7 @@ from rich.console import Console
 from benchmarks import method
 from benchmarks.method import Case
 from interp import replay
-from planner.law import TimeNodes
+from planner.law import TimeLaw
 from planner.output.plots import _COLOURS, _FAINT, _INK, _draw_binding, _draw_shares, _scan, _style, save_plot
 from planner.plan import plan_feedrate
 from planner.types import FloatArray
@@ -353,7 +353,7 @@ def _largest(of: Case, solved: method.Round, bins: int) -> tuple[FloatArray, Flo
     return edges, largest
 
 
-def _draw_jerk(axes: Any, of: Case, nodes: TimeNodes, centre: int) -> None:
+def _draw_jerk(axes: Any, of: Case, nodes: TimeLaw, centre: int) -> None:
     """The largest jerk share around an interval between nodes, and its values at knots and midpoints."""
     index = np.arange(max(centre - _AROUND, 0), min(centre + _AROUND, nodes.t.size - 2) + 1)
     start, step = nodes.t[index], np.diff(nodes.t)[index]

@@ -26,7 +26,7 @@ from interp.taylor_kernels import quintic_step, taylor_step
 from planner.errors import InputError
 from planner.geometry.curve import Curve, Pieces
 from planner.inputs import require_instance
-from planner.profile import FeedrateProfile, quintic_coefficients
+from planner.profile import FeedrateProfile
 from planner.types import FloatArray
 
 __all__ = ["InterpolatorTable", "TaylorTable", "last_sample", "quintic_step", "start", "taylor_step"]
@@ -282,8 +282,7 @@ def _intervals(profile: FeedrateProfile) -> tuple[NDArray[np.intp], FloatArray]:
 
 def _segments(profile: FeedrateProfile, breaks: FloatArray) -> FloatArray:
     i, gap = _intervals(profile)
-    t, u, rate, acceleration = profile.t, profile.u, profile.u_rate, profile.u_acceleration
-    law = quintic_coefficients(gap, (u[i], rate[i], acceleration[i]), (u[i + 1], rate[i + 1], acceleration[i + 1]))
+    t, u, law = profile.t, profile.u, profile.law.coefficients(i)
     _require_forward(law, gap, t[i])
     pieces = breaks.size - 1
     first = np.clip(np.searchsorted(breaks, u[i], side="right") - 1, 0, pieces - 1)

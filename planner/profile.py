@@ -1,9 +1,6 @@
 """The plan as a function of time, and the samples a replay makes of it.
 
-The time law of a plan is a table: at increasing times t_i the curve parameter u and its first two time derivatives.
-Between two nodes u(t) is the quintic that takes these values, so u, its rate and its acceleration are continuous, and the
-plan that is checked, written, read back and replayed is one and the same function.  Where the parametrisation itself jumps
-(a knot at which |C'| or C'' changes) two nodes share t and u and carry the values of either side.
+A plan is a time law (``law.py``) on its curve, with what its solver says of it.
 """
 
 from __future__ import annotations
@@ -17,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from planner.errors import InputError
 from planner.geometry.curve import MAX_DERIVATIVE, Curve
 from planner.geometry.differential import chain_rule, curvature, rates_along
+from planner.law import TimeLaw, quintic_coefficients
 from planner.machine.limits import Limits, chord_feed_limit, commanded_feed
 from planner.origin import Origin
 from planner.quantity import AXIS, CHORD_ERROR, FEED, NONE, TANGENTIAL, limit_names
@@ -55,8 +53,8 @@ class FeedrateProfile:
     ----------
     curve : Curve
         The tool path it was planned for.
-    t, u, u_rate, u_acceleration : (n,) arrays
-        The nodes of the time law: s, and the curve parameter with its first two time derivatives.
+    law : TimeLaw
+        The curve parameter as a function of time; ``t``, ``u``, ``u_rate`` and ``u_acceleration`` are its nodes, (n,).
     s, feed, acceleration, jerk : (n,) arrays
         The same nodes seen along the tool tip: mm, mm/s, mm/s^2, mm/s^3.
     binding : (n,) int array
@@ -89,10 +87,7 @@ class FeedrateProfile:
     """
 
     curve: Curve
-    t: FloatArray
-    u: FloatArray
-    u_rate: FloatArray
-    u_acceleration: FloatArray
+    law: TimeLaw
     s: FloatArray
     feed: FloatArray
     acceleration: FloatArray
@@ -116,16 +111,36 @@ class FeedrateProfile:
             object.__setattr__(self, "claim", Claim.NONE)
         elif self.claim is Claim.NONE:
             object.__setattr__(self, "claim", Claim.COMPUTED)
-        for name in ("t", "u", "u_rate", "u_acceleration", "s", "feed", "acceleration", "jerk", "binding"):
+        for name in ("s", "feed", "acceleration", "jerk", "binding"):
             getattr(self, name).setflags(write=False)
+
+    @property
+    def t(self) -> FloatArray:
+        """Times of the nodes (n,), s."""
+        return self.law.t
+
+    @property
+    def u(self) -> FloatArray:
+        """Curve parameter at the nodes (n,)."""
+        return self.law.u
+
+    @property
+    def u_rate(self) -> FloatArray:
+        """First time derivative of the curve parameter at the nodes (n,)."""
+        return self.law.u_rate
+
+    @property
+    def u_acceleration(self) -> FloatArray:
+        """Second time derivative of the curve parameter at the nodes (n,)."""
+        return self.law.u_acceleration
 
     @property
     def duration(self) -> float:
         """Time from start to end, s."""
-        return float(self.t[-1])
+        return self.law.duration
 
     def at(self, t: ArrayLike) -> ProfileStates:
-        """Evaluate the plan at any times within [0, duration], any shape.
+        """Evaluate the plan at any times within [0, duration], any shape; calling the plan does the same.
 
         Raises
         ------
@@ -137,10 +152,12 @@ class FeedrateProfile:
         if outside.any():
             worst = float(times[outside].flat[0])
             raise InputError(f"t = {worst!r} must lie within [0, {self.duration!r}], the duration of the plan")
-        law = evaluate_law(self.t, self.u, self.u_rate, self.u_acceleration, times.reshape(-1))
+        law = self.law.at(times.reshape(-1))
         s, along = along_tip(self.curve, law)
         columns = (times.reshape(-1), *law, s, *along)
         return ProfileStates(*(column.reshape(times.shape) for column in columns))
+
+    __call__ = at
 
     def shares(self) -> dict[str, float]:
         """Share of the time during which each limit holds the path back, largest first."""
@@ -183,68 +200,6 @@ class Samples:
             array.setflags(write=False)
 
 
-def quintic_coefficients(
-    duration: FloatArray,
-    start: tuple[FloatArray, FloatArray, FloatArray],
-    end: tuple[FloatArray, FloatArray, FloatArray],
-) -> FloatArray:
-    """Coefficients (6, n), ascending powers of the time since the start, of the quintics between pairs of nodes.
-
-    With h the duration, D = u1 - u0 and dots for time derivatives,
-
-        c0..c2 = u0, u0', u0''/2
-        c3 = [ 20 D - ( 8 u1' + 12 u0') h - (3 u0'' -   u1'') h^2] / 2 h^3
-        c4 = [-30 D + (14 u1' + 16 u0') h + (3 u0'' - 2 u1'') h^2] / 2 h^4
-        c5 = [ 12 D -   6 (u1' + u0')  h + (   u1'' -   u0'') h^2] / 2 h^5
-
-    Parameters
-    ----------
-    duration : (n,) array
-        Positive.
-    start, end : three (n,) arrays each
-        u, its rate and its acceleration.
-    """
-    h = duration
-    u0, v0, a0 = start
-    u1, v1, a1 = end
-    # D less its second-order part: the large common terms cancel here once, not in each coefficient.
-    rest = (u1 - u0) - h * (v0 + 0.5 * a0 * h)
-    dv = (v1 - v0 - a0 * h) * h
-    da = (a1 - a0) * h**2
-    return np.stack(
-        [
-            u0,
-            v0,
-            0.5 * a0,
-            (10.0 * rest - 4.0 * dv + 0.5 * da) / h**3,
-            (-15.0 * rest + 7.0 * dv - da) / h**4,
-            (6.0 * rest - 3.0 * dv + 0.5 * da) / h**5,
-        ]
-    )
-
-
-def evaluate_law(
-    t: FloatArray, u: FloatArray, rate: FloatArray, acceleration: FloatArray, at: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Evaluate u and its first three time derivatives at the flat times ``at``; after a double node, its right side."""
-    i = np.clip(np.searchsorted(t, at, side="right") - 1, 0, t.size - 2)
-    while True:  # the last node may be double
-        empty = t[i + 1] <= t[i]
-        if not empty.any():
-            break
-        i = i - empty
-    c = quintic_coefficients(
-        t[i + 1] - t[i], (u[i], rate[i], acceleration[i]), (u[i + 1], rate[i + 1], acceleration[i + 1])
-    )
-    w = at - t[i]
-    lo, hi = float(u[0]), float(u[-1])
-    value = c[0] + w * (c[1] + w * (c[2] + w * (c[3] + w * (c[4] + w * c[5]))))
-    first = c[1] + w * (2.0 * c[2] + w * (3.0 * c[3] + w * (4.0 * c[4] + w * 5.0 * c[5])))
-    second = 2.0 * c[2] + w * (6.0 * c[3] + w * (12.0 * c[4] + w * 20.0 * c[5]))
-    third = 6.0 * c[3] + w * (24.0 * c[4] + w * 60.0 * c[5])
-    return np.clip(value, lo, hi), first, second, third
-
-
 def along_tip(
     curve: Curve, law: tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 ) -> tuple[FloatArray, tuple[FloatArray, FloatArray, FloatArray]]:
@@ -255,18 +210,20 @@ def along_tip(
 def make_profile(
     curve: Curve,
     limits: Limits,
-    nodes: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
+    law: TimeLaw,
     *,
     method: str,
     lower_bound: float = np.nan,
     slowed: FloatArray | None = None,
 ) -> FeedrateProfile:
-    """Build a profile from the nodes (t, u, u_rate, u_acceleration) of its time law.
+    """Build a profile from its time law.
 
     Of two nodes that share a time the first holds the values before a break, the second those after it.  ``slowed (n,)``:
     by which factor each node's section was slowed down as a whole; what binds is what did before.
     """
-    t, u, rate, acceleration = (np.ascontiguousarray(column, dtype=np.float64) for column in nodes)
+    t, u, rate, acceleration = (
+        np.ascontiguousarray(column, dtype=np.float64) for column in (law.t, law.u, law.u_rate, law.u_acceleration)
+    )
     inner = np.diff(t) > 0.0
     gap = np.where(inner, np.diff(t), 1.0)
     c = quintic_coefficients(gap, (u[:-1], rate[:-1], acceleration[:-1]), (u[1:], rate[1:], acceleration[1:]))
@@ -275,13 +232,13 @@ def make_profile(
     # A node takes the jerk of the interval after it; before a break, and at the end, of the one before it.
     forward = np.append(inner, False)
     jerk = np.where(forward, np.append(at_start, 0.0), np.append(0.0, at_end))
-    law = (u, rate, acceleration, jerk)
+    states = (u, rate, acceleration, jerk)
     q = curve.pieces.evaluate(u, MAX_DERIVATIVE, ~forward)
     tip = q if curve.tip is curve else curve.tip.pieces.evaluate(u, MAX_DERIVATIVE, ~forward)
-    along = np.stack(rates_along(tip, *law[1:]))
+    along = np.stack(rates_along(tip, *states[1:]))
     commanded = commanded_feed(curve, limits, u, ~forward)
     names, binding = _binding(
-        curve, limits, law, along, q, tip, commanded, np.ones_like(t) if slowed is None else slowed
+        curve, limits, states, along, q, tip, commanded, np.ones_like(t) if slowed is None else slowed
     )
     s = curve.arclength.s(u)
     kept: tuple[tuple[int, float], ...] = ()
@@ -290,10 +247,7 @@ def make_profile(
         kept = tuple((int(node), float(slowed[node])) for node in first)
     return FeedrateProfile(
         curve,
-        t,
-        u,
-        rate,
-        acceleration,
+        TimeLaw(t, u, rate, acceleration),
         s,
         along[0],
         along[1],

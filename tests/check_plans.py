@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import importlib
+from dataclasses import replace
 
 import numpy as np
 
+from planner.law import TimeLaw
 from planner.machine.limits import Limits
 from planner.profile import Samples, make_profile
 
@@ -63,7 +65,13 @@ def lift(curve, motion, double=True):
 
 
 def profile_on(curve, limits, nodes):
-    return make_profile(curve, limits, nodes, method="test")
+    return make_profile(curve, limits, TimeLaw(*nodes), method="test")
+
+
+def with_columns(profile, **columns):
+    """The plan with other values in some of its columns, those of the time law among them."""
+    of_law = {name: columns.pop(name) for name in ("t", "u", "u_rate", "u_acceleration") if name in columns}
+    return replace(profile, law=replace(profile.law, **of_law), **columns)
 
 
 def nodes_of(profile):

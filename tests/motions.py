@@ -8,6 +8,7 @@ import numpy as np
 from cases import drives
 
 from planner.geometry.differential import arc_derivatives
+from planner.law import TimeLaw
 from planner.profile import make_profile
 
 
@@ -86,7 +87,7 @@ def plan_along(curve, motion, limits=None, times=None):
     bend = np.sum(d[1] * d[2], axis=-1)
     if limits is None:
         limits = drives(300.0, curve.dim)
-    return make_profile(curve, limits, (t, u, v / speed, a / speed - v**2 * bend / speed**4), method="s-curve")
+    return make_profile(curve, limits, TimeLaw(t, u, v / speed, a / speed - v**2 * bend / speed**4), method="s-curve")
 
 
 def positions_at(curve, motion, t):

@@ -36,8 +36,8 @@ ORDER = (
 )
 # Beside the order: what a room may not reach although it stands before it, on whatever way.
 APART = {
-    "planner.verify": ("planner.law", "planner.plan"),
-    "interp": ("planner.law", "planner.verify", "planner.plan", "planner.programs", "planner.output"),
+    "planner.verify": ("planner.plan",),
+    "interp": ("planner.verify", "planner.plan", "planner.programs", "planner.output"),
     "planner.geometry": ("planner.files",),
 }
 DOORS = ("planner", "interp", "feedplan")  # they hand names on, each loaded when it is first used
@@ -182,6 +182,11 @@ class TestRooms:
     def test_keeps_apart_what_must_not_be_shared(self, module):
         forbidden = next(names for name, names in APART.items() if within(module, name))
         assert not {name for name in reached(module) if within(name, *forbidden)}
+
+    @pytest.mark.parametrize("module", [m for m in MODULES if within(m, "planner.verify")])
+    def test_the_check_takes_the_nodes_of_a_law_and_not_its_formulas(self, module):
+        """What is between the nodes it evaluates itself; see also tests/verify/test_verify.py."""
+        assert "planner.law" not in imports(module)
 
     @pytest.mark.parametrize("module", [m for m in MODULES if within(m, "planner.plan.solvers")])
     def test_solvers_lie_below_the_plan(self, module):

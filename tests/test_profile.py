@@ -9,27 +9,26 @@ from planner import FeedrateProfile, InputError, Limits, load_curve
 from planner.geometry.curve import Curve
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
-from planner.law import TimeNodes
+from planner.law import TimeLaw
 from planner.profile import Samples, make_profile
 
 LINE = NurbsCurve([[0.0, 0.0], [40.0, 30.0]], [0, 0, 50, 50], 1)
 
 
-def law_of(*coefficients: float) -> TimeNodes:
+def law_of(*coefficients: float) -> TimeLaw:
     """Twenty-one nodes, over one second, of a polynomial u(t) from 0 to 50 with these coefficients from t on."""
     p = np.polynomial.Polynomial([0.0, *coefficients]) * (50.0 / sum(coefficients))
     t = np.linspace(0.0, 1.0, 21)
     u = p(t)
     u[-1] = 50.0
-    return TimeNodes(t, u, p.deriv(1)(t), p.deriv(2)(t))
+    return TimeLaw(t, u, p.deriv(1)(t), p.deriv(2)(t))
 
 
-def named(curve: Curve, limits: Limits, nodes: TimeNodes, slowed: float | None = None) -> list[str]:
+def named(curve: Curve, limits: Limits, nodes: TimeLaw, slowed: float | None = None) -> list[str]:
     if slowed is not None:
         nodes = nodes.dilated(slowed)
     factors = None if slowed is None else np.full(nodes.t.size, slowed)
-    columns = (nodes.t, nodes.u, nodes.u_rate, nodes.u_acceleration)
-    profile = make_profile(curve, limits, columns, method="given", slowed=factors)
+    profile = make_profile(curve, limits, nodes, method="given", slowed=factors)
     return [profile.limit_names[k] for k in profile.binding]
 
 
@@ -72,7 +71,7 @@ def test_on_a_bent_path_the_motion_of_each_axis_decides(order: int, axis: int) -
     motion = (6.0 * u**2 - u, 9.0 * u - 2.0 * u**3)[axis]
     curve = FormulaCurve({"X": "6*u**2-u", "Y": "9*u-2*u**3"}, (0.0, 10.0))
     t = np.linspace(0.0, 1.0, 31)
-    nodes = TimeNodes(t, u(t), u.deriv(1)(t), u.deriv(2)(t))
+    nodes = TimeLaw(t, u(t), u.deriv(1)(t), u.deriv(2)(t))
     kind = ("velocity", "acceleration", "jerk")[order - 1]
     share = np.abs(motion.deriv(order)(t))
     for k in (3, 11, 17, 30):
@@ -89,7 +88,7 @@ def test_the_chord_error_binds_slowed_down_or_not(slowed: float | None) -> None:
     u = circle.arclength.u(80.0 * t)
     u[0], u[-1] = circle.domain
     speed = np.sqrt(np.sum(circle.derivatives(u, 1)[1] ** 2, axis=-1))
-    nodes = TimeNodes(t, u, 80.0 / speed, np.zeros(41))
+    nodes = TimeLaw(t, u, 80.0 / speed, np.zeros(41))
     for share, binds in ((0.994, False), (0.996, True)):
         half = 0.5 * 80.0 / share * 1e-3
         limits = limits_with(chord_error=50.0 - np.sqrt(50.0**2 - half**2))
@@ -104,7 +103,7 @@ def test_of_several_limits_the_one_used_most_is_named() -> None:
 
 def test_shares_are_those_of_the_time_nearest_to_a_node() -> None:
     nodes = law_of(1.0, 1.0, 1.0)
-    profile = make_profile(LINE, limits_with(), (nodes.t, nodes.u, nodes.u_rate, nodes.u_acceleration), method="given")
+    profile = make_profile(LINE, limits_with(), nodes, method="given")
     binding = np.array([1] * 5 + [2] * 10 + [0] * 6, dtype=np.int8)
     found = FeedrateProfile(**(vars(profile) | {"binding": binding})).shares()
     assert list(found) == [profile.limit_names[k] for k in (2, 0, 1)]
@@ -113,7 +112,7 @@ def test_shares_are_those_of_the_time_nearest_to_a_node() -> None:
 
 def test_a_time_outside_of_a_plan_is_named() -> None:
     nodes = law_of(1.0)
-    profile = make_profile(LINE, limits_with(), (nodes.t, nodes.u, nodes.u_rate, nodes.u_acceleration), method="given")
+    profile = make_profile(LINE, limits_with(), nodes, method="given")
     assert profile.at([0.0, 1.0]).u.tolist() == [0.0, 50.0]
     for outside, first in (([0.5, -0.1, 2.0], "-0.1"), ([1.5], "1.5"), ([np.nan], "nan")):
         with pytest.raises(InputError, match=rf"t = {first} must lie within \[0, 1\.0\]"):
@@ -124,7 +123,9 @@ def test_a_double_node_holds_either_side_of_a_break() -> None:
     """A corner at u = 1 where |C'| doubles: the left node reads the first leg, the right one the second."""
     bent = NurbsCurve([[0.0, 0.0], [1.0, 0.0], [1.0, 2.0]], [0, 0, 1, 2, 2], 1)
     t, u = np.array([0.0, 1.0, 1.0, 2.0]), np.array([0.0, 1.0, 1.0, 2.0])
-    profile = make_profile(bent, limits_with(), (t, u, np.array([0.5, 1.5, 1.5, 0.5]), np.zeros(4)), method="given")
+    profile = make_profile(
+        bent, limits_with(), TimeLaw(t, u, np.array([0.5, 1.5, 1.5, 0.5]), np.zeros(4)), method="given"
+    )
     assert profile.feed.tolist() == [0.5, 1.5, 3.0, 1.0]
     # the jerk of the interval after a node; before a break and at the end, of the one before
     inner = 6.0 * (10.0 * (1.0 - 0.5) - 4.0 * 1.0)
@@ -135,7 +136,7 @@ def test_the_jerk_at_nodes_is_that_of_the_law_to_the_last_one() -> None:
     """A polynomial of the fifth degree is its own quintic; at 3-4-5 the arc length is u."""
     nodes = law_of(1.0, -2.0, 3.0, 1.0, -0.5)
     p = np.polynomial.Polynomial([0.0, 1.0, -2.0, 3.0, 1.0, -0.5]) * (50.0 / 2.5)
-    profile = make_profile(LINE, limits_with(), (nodes.t, nodes.u, nodes.u_rate, nodes.u_acceleration), method="given")
+    profile = make_profile(LINE, limits_with(), nodes, method="given")
     assert profile.jerk == pytest.approx(p.deriv(3)(nodes.t), rel=1e-8)
     assert profile.at(profile.t).jerk == pytest.approx(profile.jerk, rel=1e-12)
 
@@ -146,7 +147,7 @@ def test_where_the_tip_rests_and_other_axes_move_it_has_no_motion() -> None:
     t = np.linspace(0.0, 1.0, 11)
     limits = Limits(100.0, [np.inf] * 2, [np.inf] * 2, [np.inf] * 2, axes=["X", "A"])
     u = np.polynomial.Polynomial([0.0, 0.2, 0.8])
-    profile = make_profile(turn, limits, (t, u(t), u.deriv(1)(t), u.deriv(2)(t)), method="given")
+    profile = make_profile(turn, limits, TimeLaw(t, u(t), u.deriv(1)(t), u.deriv(2)(t)), method="given")
     states = profile.at(np.linspace(0.0, 1.0, 37))
     for motion in (profile, states):
         assert not np.any([motion.s, motion.feed, motion.acceleration, motion.jerk])
@@ -155,10 +156,19 @@ def test_where_the_tip_rests_and_other_axes_move_it_has_no_motion() -> None:
 
 def test_what_was_planned_cannot_be_written_over() -> None:
     nodes = law_of(1.0)
-    profile = make_profile(LINE, limits_with(), (nodes.t, nodes.u, nodes.u_rate, nodes.u_acceleration), method="given")
+    profile = make_profile(LINE, limits_with(), nodes, method="given")
     samples = Samples(0.5, np.array([0.0, 0.5, 1.0]), np.array([0.0, 25.0, 50.0]), np.zeros((3, 2)))
     columns = [profile.t, profile.u, profile.u_rate, profile.u_acceleration, profile.s, profile.feed]
     columns += [profile.acceleration, profile.jerk, profile.binding, samples.t, samples.u, samples.position]
     for column in columns:
         with pytest.raises(ValueError, match="read-only"):
             column[0] = 1.0
+
+
+def test_a_plan_is_called_like_a_function() -> None:
+    profile = make_profile(LINE, limits_with(), law_of(1.0, -2.0, 3.0), method="given")
+    times = np.linspace(0.0, profile.duration, 7).reshape(7, 1)
+    called, at = profile(times), profile.at(times)
+    assert all(np.array_equal(getattr(called, name), getattr(at, name)) for name in vars(at))
+    assert called.feed.shape == (7, 1)
+    assert float(profile(0.5).u) == float(profile.at(0.5).u)

@@ -175,9 +175,7 @@ def slowed_plan(profile: FeedrateProfile, factor: float) -> FeedrateProfile:
     return replace(
         profile,
         slowed=tuple((node, factor * value) for node, value in before),
-        t=profile.t * factor,
-        u_rate=profile.u_rate / factor,
-        u_acceleration=profile.u_acceleration / factor**2,
+        law=profile.law.dilated(factor),
         feed=profile.feed / factor,
         acceleration=profile.acceleration / factor**2,
         jerk=profile.jerk / factor**3,

@@ -23,7 +23,8 @@ from planner.errors import BrokenLimitError, InputError
 from planner.files.whole_file import whole_file
 from planner.geometry.curve import Curve
 from planner.inputs import positive_number, require_instance
-from planner.profile import FeedrateProfile, Samples, evaluate_law
+from planner.law import TimeLaw
+from planner.profile import FeedrateProfile, Samples
 from planner.types import FloatArray
 from planner.verify import Report, check
 
@@ -151,14 +152,14 @@ def _blocks_of_profile(
     curve: Curve, profile: FeedrateProfile, tolerance: float, block_time: float, decimals: int, places: FloatArray
 ) -> _Blocks:
     """Cut a profile at equal times, at corners, stops and places, and in halves until every line is within tolerance."""
-    law = (profile.t, profile.u, profile.u_rate, profile.u_acceleration)
+    law = profile.law
     corners = np.union1d([b.u for b in curve.breaks if b.geometric == 0], places)
     count = int(np.ceil(profile.duration / block_time))
     if count > _MAX_BLOCKS:
         raise InputError(f"block_time = {block_time!r} s makes {count} blocks; at most {_MAX_BLOCKS} are written")
     fixed = np.unique(np.concatenate([[0.0, profile.duration], _times_at(law, corners), _stops(profile)]))
     t = _merge_times(fixed, np.linspace(0.0, profile.duration, count + 1), 0.25 * block_time)
-    u = evaluate_law(*law, t)[0]
+    u = law.at(t)[0]
     # At a corner the parameter itself: found from the time, it would be off by a rounding.
     at = np.searchsorted(corners, u)
     for k in (np.clip(at - 1, 0, None), at):
@@ -173,7 +174,7 @@ def _blocks_of_profile(
         if wide.size == 0:
             break
         middle = 0.5 * (t[wide] + t[wide + 1])
-        t, u = np.insert(t, wide + 1, middle), np.insert(u, wide + 1, evaluate_law(*law, middle)[0])
+        t, u = np.insert(t, wide + 1, middle), np.insert(u, wide + 1, law.at(middle)[0])
         if t.size > _MAX_BLOCKS:
             raise InputError(f"tolerance = {tolerance!r} mm makes more than {_MAX_BLOCKS} blocks; give a larger one")
     else:
@@ -232,17 +233,17 @@ def _stops(profile: FeedrateProfile) -> FloatArray:
     return np.unique(np.concatenate([[0.0], profile.t[resting], [profile.duration]]))
 
 
-def _times_at(law: tuple[FloatArray, FloatArray, FloatArray, FloatArray], u: FloatArray) -> FloatArray:
+def _times_at(law: TimeLaw, u: FloatArray) -> FloatArray:
     """Times at which the plan passes the parameters u, by bisection."""
-    lo, hi = np.zeros(u.size), np.full(u.size, law[0][-1])
+    lo, hi = np.zeros(u.size), np.full(u.size, law.t[-1])
     for _ in range(60):
         middle = 0.5 * (lo + hi)
-        before = evaluate_law(*law, middle)[0] < u
+        before = law.at(middle)[0] < u
         lo, hi = np.where(before, middle, lo), np.where(before, hi, middle)
     # A node of the plan stands on every corner: its time, where it is that close, joins the stop there.
-    k = np.clip(np.searchsorted(law[0], hi), 1, law[0].size - 1)
-    near = np.where(hi - law[0][k - 1] < law[0][k] - hi, law[0][k - 1], law[0][k])
-    return np.where(np.abs(near - hi) <= 1e-9 * law[0][-1], near, hi)
+    k = np.clip(np.searchsorted(law.t, hi), 1, law.t.size - 1)
+    near = np.where(hi - law.t[k - 1] < law.t[k] - hi, law.t[k - 1], law.t[k])
+    return np.where(np.abs(near - hi) <= 1e-9 * law.t[-1], near, hi)
 
 
 def _merge_times(fixed: FloatArray, others: FloatArray, distance: float) -> FloatArray:

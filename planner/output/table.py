@@ -25,6 +25,7 @@ from planner.files.columns import ColumnFile, Columns, reading, write_columns
 from planner.geometry.curve import ROTARY_AXES, Curve
 from planner.geometry.tolerance import PathTolerance
 from planner.inputs import plain_number, require_instance, shorten
+from planner.law import TimeLaw
 from planner.machine.limits import RAPID, SCALARS, Limits, require_limits
 from planner.machine.machine_file import EXAMPLE_MACHINES, file_key
 from planner.origin import Origin
@@ -164,10 +165,7 @@ def read_table(path: str | Path, curve: Curve) -> FeedrateProfile:
         _require_time_law(file, columns, curve)
         profile = FeedrateProfile(
             curve,
-            t=columns["t_s"],
-            u=columns["u"],
-            u_rate=columns["u_rate"],
-            u_acceleration=columns["u_acceleration"],
+            TimeLaw(*(columns[name] for name in ("t_s", "u", "u_rate", "u_acceleration"))),
             s=columns["s_mm"],
             feed=columns["feed_mm_s"],
             acceleration=columns["acceleration_mm_s2"],

@@ -16,7 +16,7 @@ import numpy as np
 from planner.errors import CurveError, InfeasibleError, InputError, SolverError
 from planner.geometry.curve import Curve
 from planner.geometry.differential import arc_derivatives
-from planner.law import TimeNodes, joined
+from planner.law import TimeLaw
 from planner.machine.limits import Limits, feedrate_limits, require_limits
 from planner.origin import Origin
 from planner.plan.bounds import section_bound
@@ -135,16 +135,16 @@ def plan_feedrate(
             raise explained(curve, error, section.u_start, section.u_end) from None
         _require_worth(section, plans[-1], free=method == "optimal" and intervals is None)
     plans = _hold_chords(curve, limits, sections, plans)
-    nodes = joined([plan.nodes for plan in plans])
+    law = TimeLaw.joined([plan.law for plan in plans])
     try:
-        require_law(curve, nodes)
+        require_law(curve, law)
     except SolverError as error:
         raise explained(curve, error, *curve.domain) from None
-    slowed = np.repeat([max(1.0, plan.work.slowdown) for plan in plans], [plan.nodes.t.size for plan in plans])
+    slowed = np.repeat([max(1.0, plan.work.slowdown) for plan in plans], [plan.law.t.size for plan in plans])
     profile = make_profile(
         curve,
         limits,
-        (nodes.t, nodes.u, nodes.u_rate, nodes.u_acceleration),
+        law,
         method=method,
         lower_bound=sum(plan.lower_bound for plan in plans),
         slowed=slowed,
@@ -261,26 +261,26 @@ def _plan_section(
         from planner.plan.solvers.scurve import plan_section
 
         feeds = (section.start_feed or 0.0, section.end_feed or 0.0)
-        nodes = TimeNodes(*plan_section(section.curve, limits, section.u_start, section.u_end, *feeds))
-        return SectionPlan(nodes, np.nan, Status.FEASIBLE, Work(intervals=nodes.t.size - 1))
+        law = TimeLaw(*plan_section(section.curve, limits, section.u_start, section.u_end, *feeds))
+        return SectionPlan(law, np.nan, Status.FEASIBLE, Work(intervals=law.t.size - 1))
     if method != "toppra" and not limits.has_jerk:
         return _plan_without_jerk(section, limits, effort, periodic)
     if method == "toppra":
         from planner.plan.solvers.toppra import plan_section as plan_by_toppra
 
-        nodes = plan_by_toppra(section, limits, effort.intervals)
-        work = Work(intervals=int(np.count_nonzero(np.diff(nodes.t))), iterations=1)
+        law = plan_by_toppra(section, limits, effort.intervals)
+        work = Work(intervals=int(np.count_nonzero(np.diff(law.t))), iterations=1)
         notes: tuple[str, ...] = ()
         if not section.has_prescribed_feed:
-            used = utilisation(section.curve, limits, nodes)
+            used = utilisation(section.curve, limits, law)
             slowdown = max(float(used.speed.max()), float(np.sqrt(used.acceleration.max())))
-            nodes = nodes.dilated(max(1.0, slowdown * (1.0 + PEAK_MARGIN)))
+            law = law.dilated(max(1.0, slowdown * (1.0 + PEAK_MARGIN)))
             if slowdown > 1.0:
                 work = replace(work, slowdown=slowdown)
                 percent = 100.0 * (slowdown - 1.0)
                 notes = (f"slowed down by {percent:.2g} % for what toppra exceeds between its points",)
-        bound = section_bound(section, limits.without_jerk(), effort.intervals, Pace(nodes.u, nodes.t))
-        return SectionPlan(nodes, bound, Status.FEASIBLE, work, notes)
+        bound = section_bound(section, limits.without_jerk(), effort.intervals, Pace(law.u, law.t))
+        return SectionPlan(law, bound, Status.FEASIBLE, work, notes)
     return plan_and_refine(
         section,
         limits,
@@ -297,13 +297,13 @@ def _plan_without_jerk(section: Section, limits: Limits, effort: Effort, periodi
     from planner.plan.solvers.accelerations import plan_section
 
     found = plan_section(section, limits, effort.intervals)
-    nodes, unmet = found.nodes, found.unmet
+    law, unmet = found.law, found.unmet
     if not section.has_prescribed_feed:
-        nodes = nodes.dilated(unmet * (1.0 + PEAK_MARGIN) if unmet > 1.0 else 1.0)
+        law = law.dilated(unmet * (1.0 + PEAK_MARGIN) if unmet > 1.0 else 1.0)
     elif unmet > ALMOST_MET:
         raise SolverError(not_met(section, unmet))
-    bound = section_bound(section, limits, effort.intervals, Pace(nodes.u, nodes.t), periodic=periodic)
-    plan = SectionPlan(nodes, bound, Status.OPTIMAL, found.work, saved=found.saved)
+    bound = section_bound(section, limits, effort.intervals, Pace(law.u, law.t), periodic=periodic)
+    plan = SectionPlan(law, bound, Status.OPTIMAL, found.work, saved=found.saved)
     return plan.said_slowed(found.place)
 
 
@@ -334,10 +334,10 @@ def _require_worth(section: Section, plan: SectionPlan, *, free: bool) -> None:
 def _hold_chords(curve: Curve, limits: Limits, sections: list[Section], plans: list[SectionPlan]) -> list[SectionPlan]:
     """Slow down the sections in which the true chord error is too large, and say so."""
     may_slow = np.array([not section.has_prescribed_feed for section in sections])
-    factors = slowed_for_chords(curve, limits, [plan.nodes for plan in plans], may_slow)
+    factors = slowed_for_chords(curve, limits, [plan.law for plan in plans], may_slow)
     if (factors > 1.0).any():
         plans = [hold_chords(plan) if factor > 1.0 else plan for plan, factor in zip(plans, factors, strict=True)]
-        factors = slowed_for_chords(curve, limits, [plan.nodes for plan in plans], may_slow)
+        factors = slowed_for_chords(curve, limits, [plan.law for plan in plans], may_slow)
     held = []
     for section, plan, factor in zip(sections, plans, factors, strict=True):
         if factor == 1.0:
@@ -351,7 +351,7 @@ def _hold_chords(curve: Curve, limits: Limits, sections: list[Section], plans: l
         held.append(
             replace(
                 plan,
-                nodes=plan.nodes.dilated(float(factor)),
+                law=plan.law.dilated(float(factor)),
                 status=Status.SLOWED if factor > WORTH_SAYING else plan.status,
                 work=replace(plan.work, slowdown=max(1.0, plan.work.slowdown) * float(factor)),
                 notes=(*plan.notes, note),

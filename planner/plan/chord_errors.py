@@ -13,12 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.geometry.curve import Curve
-from planner.law import TimeNodes, joined
+from planner.law import TimeLaw
 from planner.machine.limits import Limits
-from planner.profile import evaluate_law
 from planner.types import FloatArray
 from planner.verify.chords import profile_chord
-from planner.verify.motion import Motion, TimeLaw
+from planner.verify.motion import Motion, Quintics
 
 MET_CHORD = 1.0 + 2e-7
 _MOST_PASSES = 24  # of one section
@@ -28,18 +27,18 @@ _PARTS = 16  # of a period
 _MOST_POINTS = 1_000_000
 
 
-def chord_shares(curve: Curve, limits: Limits, nodes: TimeNodes) -> tuple[FloatArray, FloatArray]:
+def chord_shares(curve: Curve, limits: Limits, law: TimeLaw) -> tuple[FloatArray, FloatArray]:
     """Largest share of the chord error's limit by chords of one period around each time: times (m,), shares (m,).
 
     Chords begin at every 16th of a period and are looked at there, of a plan of very many periods at fewer; all are raised
     until the largest is that of every phase.
     """
     tip, (u0, u1) = curve.tip, curve.domain
-    period = min(limits.period, float(nodes.t[-1]))
-    part = max(period / _PARTS, float(nodes.t[-1]) / _MOST_POINTS)
+    period = min(limits.period, float(law.t[-1]))
+    part = max(period / _PARTS, float(law.t[-1]) / _MOST_POINTS)
     parts = max(1, round(period / part))
-    times = part * np.arange(int(np.ceil(nodes.t[-1] / part)) + 1)
-    u = evaluate_law(nodes.t, nodes.u, nodes.u_rate, nodes.u_acceleration, np.minimum(times, nodes.t[-1]))[0]
+    times = part * np.arange(int(np.ceil(law.t[-1] / part)) + 1)
+    u = law.at(np.minimum(times, law.t[-1]))[0]
     points = tip.derivatives(np.clip(u, u0, u1), 0)[0]
     windows = np.lib.stride_tricks.sliding_window_view(points, parts + 1, axis=0)  # (m - parts, dim, parts + 1)
     begin = windows[..., 0]
@@ -53,21 +52,21 @@ def chord_shares(curve: Curve, limits: Limits, nodes: TimeNodes) -> tuple[FloatA
         off = away - share[:, None] * chord
         height = np.maximum(height, np.einsum("ij,ij->i", off, off))
     shares = np.asarray(np.sqrt(height) / limits.chord_error, dtype=np.float64)
-    worst = profile_chord(Motion.of(curve, TimeLaw.of(nodes)), limits.period)[0] / limits.chord_error
+    worst = profile_chord(Motion.of(curve, Quintics.of(law)), limits.period)[0] / limits.chord_error
     shares *= max(1.0, worst / float(shares.max(initial=worst)))
     padded = np.pad(shares, parts, constant_values=0.0)
     covering = np.lib.stride_tricks.sliding_window_view(padded, parts + 1).max(axis=1)
     return np.asarray(times[: covering.size], dtype=np.float64), np.asarray(covering[: times.size], dtype=np.float64)
 
 
-def slowed_for_chords(curve: Curve, limits: Limits, parts: list[TimeNodes], may_slow: NDArray[np.bool_]) -> FloatArray:
+def slowed_for_chords(curve: Curve, limits: Limits, parts: list[TimeLaw], may_slow: NDArray[np.bool_]) -> FloatArray:
     """Factors (k,) by which the sections of a plan have to be slowed down until its true chord error is kept.
 
     Parameters
     ----------
     curve : Curve
     limits : Limits
-    parts : list of TimeNodes
+    parts : list of TimeLaw
         The sections in their order.
     may_slow : (k,) bool array
         Sections without a prescribed feed; where the error is in another one, nothing more can be done.
@@ -77,8 +76,8 @@ def slowed_for_chords(curve: Curve, limits: Limits, parts: list[TimeNodes], may_
         return factors
     passes = np.zeros(len(parts), dtype=np.intp)
     while passes.max() < _MOST_PASSES:
-        nodes = joined([part.dilated(factor) for part, factor in zip(parts, factors, strict=True)])
-        worst, (t, _) = profile_chord(Motion.of(curve, TimeLaw.of(nodes)), limits.period)
+        law = TimeLaw.joined([part.dilated(factor) for part, factor in zip(parts, factors, strict=True)])
+        worst, (t, _) = profile_chord(Motion.of(curve, Quintics.of(law)), limits.period)
         share = worst / limits.chord_error
         # A chord may begin in one section and end in the next.
         ends = np.cumsum([factor * part.t[-1] for part, factor in zip(parts, factors, strict=True)])[:-1]

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from planner.errors import CurveError, SolverError
 from planner.geometry.curve import Curve
 from planner.geometry.differential import dot
-from planner.law import TimeNodes
-from planner.profile import quintic_coefficients
+from planner.law import TimeLaw
 from planner.types import FloatArray
 
 # What makes a curve one for which no plan was found: a digit of u against the length of the path, and |C'| against its
@@ -24,49 +23,48 @@ _BERNSTEIN = np.array(
 )
 
 
-def require_law(curve: Curve, nodes: TimeNodes) -> None:
-    """Refuse nodes that are no time law.
+def require_law(curve: Curve, law: TimeLaw) -> None:
+    """Refuse a table that is no time law.
 
     Raises
     ------
     SolverError
         If a number is not finite, or t or u falls back from node to node or between two.
     """
-    require_finite(curve, nodes)
-    behind = (np.diff(nodes.t) < 0.0) | (np.diff(nodes.u) < 0.0)
+    require_finite(curve, law)
+    behind = (np.diff(law.t) < 0.0) | (np.diff(law.u) < 0.0)
     if behind.any():
-        raise _no_law(curve, nodes, int(np.argmax(behind)), "falls back from one node to the next")
-    back = _falls_back(nodes)
+        raise _no_law(curve, law, int(np.argmax(behind)), "falls back from one node to the next")
+    back = _falls_back(law)
     if back.any():
-        raise _no_law(curve, nodes, int(np.argmax(back)), "falls back between two nodes")
+        raise _no_law(curve, law, int(np.argmax(back)), "falls back between two nodes")
 
 
-def require_finite(curve: Curve, nodes: TimeNodes) -> None:
-    """Refuse nodes with a number that is not finite."""
-    unknown = ~np.isfinite([nodes.t, nodes.u, nodes.u_rate, nodes.u_acceleration]).all(axis=0)
+def require_finite(curve: Curve, law: TimeLaw) -> None:
+    """Refuse a law with a number that is not finite."""
+    unknown = ~np.isfinite([law.t, law.u, law.u_rate, law.u_acceleration]).all(axis=0)
     if unknown.any():
-        raise _no_law(curve, nodes, int(np.argmax(unknown)), "is not finite")
+        raise _no_law(curve, law, int(np.argmax(unknown)), "is not finite")
 
 
-def _no_law(curve: Curve, nodes: TimeNodes, at: int, what: str) -> SolverError:
+def _no_law(curve: Curve, law: TimeLaw, at: int, what: str) -> SolverError:
     # A node that is not finite has no place of its own; the last one before it has.
-    known = np.flatnonzero(np.isfinite(nodes.u[: at + 1]))
-    u = float(nodes.u[known[-1]]) if known.size else curve.domain[0]
+    known = np.flatnonzero(np.isfinite(law.u[: at + 1]))
+    u = float(law.u[known[-1]]) if known.size else curve.domain[0]
     return SolverError(
         f"{curve.name}: no plan found near u = {u:.9g}, where the time law that was found {what}; split the curve there, "
         "or ask for more intervals"
     )
 
 
-def _falls_back(nodes: TimeNodes) -> NDArray[np.bool_]:
+def _falls_back(law: TimeLaw) -> NDArray[np.bool_]:
     """Intervals (n - 1,) in which u' < 0 beyond rounding; the Bernstein coefficients of u' tell where to look."""
-    out = np.zeros(nodes.t.size - 1, dtype=np.bool_)
-    full = np.flatnonzero(np.diff(nodes.t) > 0.0)
-    h = np.diff(nodes.t)[full]
-    ends = [(nodes.u[at], nodes.u_rate[at], nodes.u_acceleration[at]) for at in (full, full + 1)]
-    power = quintic_coefficients(h, *ends)[1:] * np.arange(1.0, 6.0)[:, None] * h ** np.arange(5)[:, None]
-    digit = np.finfo(np.float64).eps * (np.abs(ends[1][0]) + np.abs(ends[0][1]) * nodes.t[full + 1])
-    allowed = _BACKWARD * float(np.abs(nodes.u_rate).max(initial=0.0)) + 4.0 * digit / h
+    out = np.zeros(law.t.size - 1, dtype=np.bool_)
+    full = np.flatnonzero(np.diff(law.t) > 0.0)
+    h = np.diff(law.t)[full]
+    power = law.coefficients(full)[1:] * np.arange(1.0, 6.0)[:, None] * h ** np.arange(5)[:, None]
+    digit = np.finfo(np.float64).eps * (np.abs(law.u[full + 1]) + np.abs(law.u_rate[full]) * law.t[full + 1])
+    allowed = _BACKWARD * float(np.abs(law.u_rate).max(initial=0.0)) + 4.0 * digit / h
     least: FloatArray = (_BERNSTEIN.T @ power).min(axis=0)
     doubtful = np.flatnonzero(least < -allowed)
     w = np.linspace(0.0, 1.0, _POINTS + 1)

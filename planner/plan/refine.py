@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import CurveError, InfeasibleError, SolverError
-from planner.law import TimeNodes
+from planner.law import TimeLaw
 from planner.machine.limits import Limits
 from planner.plan.bounds import section_bound
 from planner.plan.chord_errors import MET_CHORD, chord_shares
@@ -68,7 +68,7 @@ class SectionPlan:
     ``saved``: time that one percent more of each limit saves, s, where the method tells.
     """
 
-    nodes: TimeNodes
+    law: TimeLaw
     lower_bound: float
     status: Status
     work: Work
@@ -147,8 +147,8 @@ def plan_section(
         solve_cpu_s=found.spent,
         first_solve_cpu_s=found.first,
     )
-    bound = section_bound(section, limits, wanted, Pace(best.nodes.u, best.nodes.t), periodic=periodic)
-    plan = SectionPlan(best.nodes, bound, attempt.status, work, (*notes, *found.notes), attempt.saved, found)
+    bound = section_bound(section, limits, wanted, Pace(best.law.u, best.law.t), periodic=periodic)
+    plan = SectionPlan(best.law, bound, attempt.status, work, (*notes, *found.notes), attempt.saved, found)
     return plan.said_slowed(best.place)
 
 
@@ -241,29 +241,27 @@ def hold_chords(plan: SectionPlan) -> SectionPlan:
     if plan.outcome is None:
         return plan
     task, stage, attempt, best = plan.outcome.task, plan.outcome.stage, plan.outcome.attempt, plan.outcome.best
-    nodes, shortest, place, work = best.nodes, np.inf, np.nan, 0
+    law, shortest, place, work = best.law, np.inf, np.nan, 0
     curve, limits = task.section.curve, task.limits
     for _ in range(_CHORD_ROUNDS):
-        times, shares = chord_shares(curve, limits, nodes)
-        place = float(np.interp(times[shares.argmax()], nodes.t, nodes.u)) if np.isnan(place) else place
-        needed = float(nodes.t[-1]) * max(1.0, float(np.sqrt(shares.max())))
+        times, shares = chord_shares(curve, limits, law)
+        place = float(np.interp(times[shares.argmax()], law.t, law.u)) if np.isnan(place) else place
+        needed = float(law.t[-1]) * max(1.0, float(np.sqrt(shares.max())))
         if needed < shortest:
-            shortest, kept = needed, (nodes, attempt, best)
+            shortest, kept = needed, (law, attempt, best)
         if shares.max() <= MET_CHORD or time.perf_counter() > task.deadline:
             break
-        stage, attempt = stage.slower(
-            task, attempt, best.used, np.interp(stage.grid.u, nodes.u, nodes.t), times, shares
-        )
+        stage, attempt = stage.slower(task, attempt, best.used, np.interp(stage.grid.u, law.u, law.t), times, shares)
         if work + _USUAL_ITERATIONS * stage.grid.intervals > _MOST_WORK:
             break
         with suppress(SolverError, InfeasibleError):
             attempt = stage.solve(task, attempt)
             work += stage.grid.intervals * attempt.work.iterations
             best = Round.of(task, best.number + 1, attempt, stage.path)
-            nodes = best.nodes
+            law = best.law
             continue
         break
-    nodes, attempt, best = kept
+    law, attempt, best = kept
     if best is plan.outcome.best:
         return plan
     note = (
@@ -279,7 +277,7 @@ def hold_chords(plan: SectionPlan) -> SectionPlan:
         gap=last.gap,
         residual=last.residual,
     )
-    return replace(plan, nodes=nodes, status=attempt.status, work=spent, notes=(*plan.notes, note), outcome=None)
+    return replace(plan, law=law, status=attempt.status, work=spent, notes=(*plan.notes, note), outcome=None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -290,7 +288,7 @@ class Round:
     """
 
     number: int
-    nodes: TimeNodes
+    law: TimeLaw
     used: Utilisation
     slowdown: float
     forward: bool
@@ -298,21 +296,21 @@ class Round:
     @classmethod
     def of(cls, task: Task, number: int, attempt: Attempt, path: Parameter) -> Round:
         """Measure an attempt between its nodes; a SolverError where it is not finite."""
-        given = attempt.law.nodes(path)
+        given = attempt.law.time_law(path)
         require_finite(task.section.curve, given)
         kept = _apart_from_stops(task.section, given)
-        nodes = given if kept.size == given.t.size else given.only(kept)
-        used = utilisation(task.section.curve, task.limits, nodes).spread(np.diff(kept))
+        law = given if kept.size == given.t.size else given.only(kept)
+        used = utilisation(task.section.curve, task.limits, law).spread(np.diff(kept))
         slowdown = float(used.slowdown.max())
         kappa = 1.0 if task.prescribed else max(1.0, slowdown * (1.0 + PEAK_MARGIN))
-        forward = bool((used.backward <= _BACKWARD * float(np.abs(nodes.u_rate).max())).all())
-        forward &= bool((np.diff(nodes.u) >= 0.0).all())
-        return cls(number, nodes.dilated(kappa), used, slowdown, forward)
+        forward = bool((used.backward <= _BACKWARD * float(np.abs(law.u_rate).max())).all())
+        forward &= bool((np.diff(law.u) >= 0.0).all())
+        return cls(number, law.dilated(kappa), used, slowdown, forward)
 
     @property
     def place(self) -> float:
         """Parameter at which it uses most of its limits, but for the few nodes left out beside a stop."""
-        return float(self.nodes.u[min(int(self.used.slowdown.argmax()), self.nodes.u.size - 1)])
+        return float(self.law.u[min(int(self.used.slowdown.argmax()), self.law.u.size - 1)])
 
     def is_better_than(self, other: Round, task: Task) -> bool:
         """Forward first; then sooner, or where nothing may be slowed down, closer to its limits."""
@@ -320,7 +318,7 @@ class Round:
             return self.forward
         if task.prescribed:
             return self.slowdown < other.slowdown
-        return bool(self.nodes.t[-1] < other.nodes.t[-1])
+        return bool(self.law.t[-1] < other.law.t[-1])
 
     def is_accepted(self, task: Task) -> bool:
         """It keeps its limits as it is, or nearly so where it may be slowed down."""
@@ -355,12 +353,12 @@ def not_met(section: Section, slowdown: float) -> str:
     )
 
 
-def _apart_from_stops(section: Section, nodes: TimeNodes) -> NDArray[np.intp]:
+def _apart_from_stops(section: Section, law: TimeLaw) -> NDArray[np.intp]:
     """Nodes that are not a stop but for rounding: who reads a table takes what is so close to a stop for the stop."""
-    inside = np.ones(nodes.t.size, dtype=np.bool_)
+    inside = np.ones(law.t.size, dtype=np.bool_)
     least = _ON_STOP * (section.curve.domain[1] - section.curve.domain[0])
     if section.start_feed is None:
-        inside[1:-1] &= nodes.u[1:-1] - section.u_start > least
+        inside[1:-1] &= law.u[1:-1] - section.u_start > least
     if section.end_feed is None:
-        inside[1:-1] &= section.u_end - nodes.u[1:-1] > least
+        inside[1:-1] &= section.u_end - law.u[1:-1] > least
     return np.flatnonzero(inside)

@@ -4,7 +4,7 @@ A solution gives x = sigma_dot^2 as a cubic on every interval.  Its time law has
 
     t' = x^(-1/2) integrated by Gauss,   u_dot = u' x^(1/2),   u_ddot = u'' x + u' a,
 
-with one-sided values at double knots.  Between nodes the law is the quintic of ``profile.py``; that quintic, not the
+with one-sided values at double knots.  Between nodes the law is the quintic of ``law.py``; that quintic, not the
 cubic, is what ``utilisation.py`` measures, so what is measured is what will run.
 """
 
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.geometry.differential import jerk_terms
-from planner.law import TimeNodes
+from planner.law import TimeLaw
 from planner.plan.rows import Parameter
 from planner.types import FloatArray
 
@@ -47,7 +47,7 @@ class SpeedLaw:
         slope = (self.c[i + 1] - self.c[i]) / h
         return self.x[i] + w * (2.0 * self.a[i] + w * (self.c[i] + w * slope / 3.0))
 
-    def nodes(self, path: Parameter) -> TimeNodes:
+    def time_law(self, path: Parameter) -> TimeLaw:
         """Nodes at knots and midpoints; ``path`` holds the same points."""
         h = np.diff(self.sigma)
         # A midpoint is where it rounds to: far from the origin and next to a stop that is not the middle.
@@ -90,9 +90,8 @@ class SpeedLaw:
         keep[2::2] = True  # the midpoint of an empty interval is no node of its own
         inner = keep[1:]
         t = np.concatenate([[0.0], np.cumsum(dt[inner])])
-        nodes = TimeNodes(t, u[keep], rate[keep], acceleration[keep], np.stack([dt, advance])[:, inner])
-        nodes.keep_forward_at_stops()
-        return nodes
+        law = TimeLaw(t, u[keep], rate[keep], acceleration[keep], np.stack([dt, advance])[:, inner])
+        return law.forward_at_stops()
 
 
 def _until(distance: FloatArray, rate: FloatArray, acceleration: FloatArray) -> FloatArray:

@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.geometry.curve import Curve
-from planner.law import TimeNodes
+from planner.law import TimeLaw, quintic_coefficients
 from planner.machine.limits import Limits, commanded_feed
 from planner.plan.rows import JERK_BESIDE_STEP, PERIODS_AROUND_STEP
-from planner.profile import quintic_coefficients
 from planner.types import FloatArray
 
 # Points an interval: an interval of a solver has two nodes' intervals, hence 10 points, and parabolas between.  A stretch
@@ -45,59 +44,59 @@ class Utilisation:
         return Utilisation(*(np.repeat(row, parts) for row in rows))
 
 
-def utilisation(curve: Curve, limits: Limits, nodes: TimeNodes) -> Utilisation:
+def utilisation(curve: Curve, limits: Limits, law: TimeLaw) -> Utilisation:
     """Measure a time law densely between its nodes, in chunks."""
-    out = np.zeros((4, nodes.t.size - 1))
-    step = np.diff(nodes.t)
-    last = np.append(np.flatnonzero(step <= 0.0), nodes.t.size - 1)
-    end = np.repeat(nodes.u[last], np.diff(last, prepend=-1))
+    out = np.zeros((4, law.t.size - 1))
+    step = np.diff(law.t)
+    last = np.append(np.flatnonzero(step <= 0.0), law.t.size - 1)
+    end = np.repeat(law.u[last], np.diff(last, prepend=-1))
     full = np.flatnonzero(step > 0.0)
-    points = _points(curve, nodes, step)
+    points = _points(curve, law, step)
     for lo in range(0, full.size, _CHUNK):
         index = full[lo : lo + _CHUNK]
-        out[:, index] = _chunk(curve, limits, nodes, index, end[index], points[index])
-    out[2, _beside_steps(curve, limits, nodes)] /= JERK_BESIDE_STEP
+        out[:, index] = _chunk(curve, limits, law, index, end[index], points[index])
+    out[2, _beside_steps(curve, limits, law)] /= JERK_BESIDE_STEP
     return Utilisation(*out)
 
 
-def _points(curve: Curve, nodes: TimeNodes, step: FloatArray) -> NDArray[np.intp]:
+def _points(curve: Curve, law: TimeLaw, step: FloatArray) -> NDArray[np.intp]:
     """At how many points to look at each interval: by its share of the time of its stretch between breaks."""
-    breaks = np.searchsorted(nodes.u, curve._candidate_breaks(), side="right") - 1
+    breaks = np.searchsorted(law.u, curve._candidate_breaks(), side="right") - 1
     starts = np.unique(np.concatenate([[0], np.clip(breaks, 0, step.size - 1)]))
     time = np.repeat(np.add.reduceat(step, starts), np.diff(starts, append=step.size))
     share = np.divide(step, time, out=np.ones_like(step), where=time > 0.0)
     return np.clip(np.ceil(_POINTS_PER_STRETCH * share), _POINTS_PER_INTERVAL, _POINTS_PER_STRETCH).astype(np.intp)
 
 
-def _beside_steps(curve: Curve, limits: Limits, nodes: TimeNodes) -> NDArray[np.bool_]:
+def _beside_steps(curve: Curve, limits: Limits, law: TimeLaw) -> NDArray[np.bool_]:
     """Intervals within three periods of a curvature jump, where half of the jerk is the step's."""
-    jumps = [b.u for b in curve.breaks if b.geometric == 1 and nodes.u[0] < b.u < nodes.u[-1]]
-    at, reach = nodes.t[np.searchsorted(nodes.u, jumps)], PERIODS_AROUND_STEP * limits.period
-    first = np.maximum(np.searchsorted(nodes.t, at - reach, side="right") - 1, 0)
-    last = np.searchsorted(nodes.t[:-1], at + reach)
-    edges = np.bincount(first, minlength=nodes.t.size) - np.bincount(last, minlength=nodes.t.size)
+    jumps = [b.u for b in curve.breaks if b.geometric == 1 and law.u[0] < b.u < law.u[-1]]
+    at, reach = law.t[np.searchsorted(law.u, jumps)], PERIODS_AROUND_STEP * limits.period
+    first = np.maximum(np.searchsorted(law.t, at - reach, side="right") - 1, 0)
+    last = np.searchsorted(law.t[:-1], at + reach)
+    edges = np.bincount(first, minlength=law.t.size) - np.bincount(last, minlength=law.t.size)
     return np.asarray(np.cumsum(edges)[:-1] > 0)
 
 
 def _chunk(
-    curve: Curve, limits: Limits, nodes: TimeNodes, index: NDArray[np.intp], end: FloatArray, points: NDArray[np.intp]
+    curve: Curve, limits: Limits, law: TimeLaw, index: NDArray[np.intp], end: FloatArray, points: NDArray[np.intp]
 ) -> FloatArray:
     """Largest shares of the limits used in the intervals ``index``, and backward rates, (4, n), at so many points each."""
     from planner.plan.utilisation_kernels import shares
 
-    if nodes.steps is None:
-        h, advance = nodes.t[index + 1] - nodes.t[index], nodes.u[index + 1] - nodes.u[index]
-        digit = np.finfo(float).eps * (np.abs(nodes.u[index + 1]) + np.abs(nodes.u_rate[index]) * nodes.t[index + 1])
+    if law.steps is None:
+        h, advance = law.t[index + 1] - law.t[index], law.u[index + 1] - law.u[index]
+        digit = np.finfo(float).eps * (np.abs(law.u[index + 1]) + np.abs(law.u_rate[index]) * law.t[index + 1])
     else:
-        (h, advance), digit = nodes.steps[:, index], np.zeros(index.size)
+        (h, advance), digit = law.steps[:, index], np.zeros(index.size)
     quintic = quintic_coefficients(
         h,
-        (np.zeros(index.size), nodes.u_rate[index], nodes.u_acceleration[index]),
-        (advance, nodes.u_rate[index + 1], nodes.u_acceleration[index + 1]),
+        (np.zeros(index.size), law.u_rate[index], law.u_acceleration[index]),
+        (advance, law.u_rate[index + 1], law.u_acceleration[index + 1]),
     )
-    quintic[0] = nodes.u[index]
-    feed = commanded_feed(curve, limits, 0.5 * (nodes.u[index] + nodes.u[index + 1]))  # steps only at nodes
-    spans = np.stack([h, nodes.u[index], nodes.u[index + 1], end, digit, feed, points])
+    quintic[0] = law.u[index]
+    feed = commanded_feed(curve, limits, 0.5 * (law.u[index] + law.u[index + 1]))  # steps only at nodes
+    spans = np.stack([h, law.u[index], law.u[index + 1], end, digit, feed, points])
     rows = np.stack([limits.velocity, limits.acceleration, limits.jerk])
     scalars = np.array([limits.chord_error, limits.period, limits.tangential_acceleration, limits.tangential_jerk])
     out = np.empty((4, index.size))

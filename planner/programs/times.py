@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from planner.errors import InputError
 from planner.inputs import require_instance
-from planner.profile import FeedrateProfile, quintic_coefficients
+from planner.profile import FeedrateProfile
 from planner.programs.path.path import ProgramPath
 from planner.programs.reading.program import ARC, LINE, RAPID, Program
 from planner.types import FloatArray
@@ -200,9 +200,8 @@ def times_at(profile: FeedrateProfile, u: ArrayLike) -> FloatArray:
     if not inside.size:
         return out
     i = node[inside] - 1
-    law = (profile.u, profile.u_rate, profile.u_acceleration)
     h = profile.t[i + 1] - profile.t[i]
-    c = quintic_coefficients(h, *(tuple(column[k] for column in law) for k in (i, i + 1)))
+    c = profile.law.coefficients(i)
     c[0] -= wanted[inside]
     out[inside] = profile.t[i] + _roots(c, h)
     return out

@@ -10,7 +10,7 @@ from planner.geometry.curve import Curve
 from planner.geometry.differential import dot, norm
 from planner.profile import Samples
 from planner.types import FloatArray
-from planner.verify.motion import Motion, TimeLaw
+from planner.verify.motion import Motion, Quintics
 from planner.verify.peaks import CANDIDATES, Highest, IntArray, chunks, zoom
 from planner.verify.report import Place
 from planner.verify.sizes import LENGTH_ACCURACY
@@ -71,7 +71,7 @@ def _heights(points: FloatArray, stride: int, parts: int, count: int) -> tuple[F
 
 
 def _chords(
-    law: TimeLaw, position: Callable[[FloatArray], FloatArray], period: float, end: float
+    law: Quintics, position: Callable[[FloatArray], FloatArray], period: float, end: float
 ) -> Iterator[tuple[FloatArray, FloatArray, int]]:
     """Starts of chords of one period, the path at equal times (points, dim), and its points from start to start.
 

@@ -21,7 +21,7 @@ from planner.machine.limits import Limits
 from planner.profile import FeedrateProfile
 from planner.quantity import CHORD_ERROR, FEED, NONE, with_label
 from planner.types import FloatArray
-from planner.verify.motion import TimeLaw
+from planner.verify.motion import Quintics
 from planner.verify.peaks import IntArray
 from planner.verify.quantities import names
 
@@ -79,7 +79,7 @@ class Nodes:
         """Measure the nodes of a plan whose times increase."""
         from planner.verify.motion_kernels import measure
 
-        law = TimeLaw.of(profile)
+        law = Quintics.of(profile)
         moves = np.diff(profile.t) > 0.0
         left = ~np.append(moves, False)
         interval = np.maximum(np.cumsum(np.append(moves, False)) - np.append(moves, False) - left, 0)

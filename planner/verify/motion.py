@@ -36,7 +36,7 @@ class Law(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class TimeLaw:
+class Quintics:
     """The quintics between the nodes, over x = (t - start) / h in [0, 1].
 
     ``ends`` (2, 3, n) holds u, u', u'' as tabulated at both ends of each interval, ``slack`` (3, n) what the rounding
@@ -50,7 +50,7 @@ class TimeLaw:
     slack: FloatArray
 
     @classmethod
-    def of(cls, profile: Law) -> TimeLaw:
+    def of(cls, profile: Law) -> Quintics:
         """Take the intervals that have a length; those of double nodes have none."""
         nodes = np.stack([profile.u, profile.u_rate, profile.u_acceleration])
         kept = np.flatnonzero(np.diff(profile.t) > 0.0)
@@ -112,14 +112,14 @@ class Motion:
     """
 
     curve: Curve
-    law: TimeLaw
+    law: Quintics
     interval: IntArray
     lower: FloatArray
     upper: FloatArray
     u_ends: FloatArray
 
     @classmethod
-    def of(cls, curve: Curve, law: TimeLaw) -> Motion:
+    def of(cls, curve: Curve, law: Quintics) -> Motion:
         """Cut the intervals at the knots they cross."""
         knots = curve._candidate_breaks()
         u0, u1 = curve.domain

@@ -12,7 +12,7 @@ from planner.quantity import AXIS, FEED, JERK, QUANTITIES, Quantity
 from planner.verify.chords import profile_chord
 from planner.verify.implied_columns import Nodes
 from planner.verify.meanjerk import mean_jerks
-from planner.verify.motion import Motion, TimeLaw
+from planner.verify.motion import Motion, Quintics
 from planner.verify.report import Report, Rows
 from planner.verify.scan import feed_under, machine_caps, scan_spans, worst_of
 from planner.verify.sizes import ON_KNOT, VELOCITY_STEP, extent, position_rounding
@@ -25,7 +25,7 @@ def check_profile(curve: Curve, limits: Limits, profile: FeedrateProfile, densit
     """Measure a plan in the spans between its nodes and the curve's knots, and where these meet."""
     if not _check_table(curve, limits, profile, rows):
         return Report(tuple(rows.rows), np.nan, np.nan, np.nan, np.nan)
-    motion = Motion.of(curve, TimeLaw.of(profile))
+    motion = Motion.of(curve, Quintics.of(profile))
     scan = scan_spans(motion, density)
     table = rows.rows
     rows.rows = []

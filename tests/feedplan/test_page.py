@@ -23,6 +23,7 @@ from feedplan.page import require_report, write_report
 from feedplan.verdict import Verdict, to_json
 from planner import InputError, Limits, Samples, __version__, check, load_curve, load_limits, write_table
 from planner.geometry.nurbs import NurbsCurve
+from planner.law import TimeLaw
 from planner.output.traces import trace_chord_error, trace_plan
 from planner.profile import make_profile
 from planner.programs.times import LineTimes, times_at
@@ -205,7 +206,7 @@ class TestThinning:
         fine = plan_along(CIRCLE, MOTION, LIMITS, times)
         acceleration = fine.u_acceleration.copy()
         acceleration[12_345] *= 1.5  # one node of 30 001
-        bent = make_profile(CIRCLE, LIMITS, (fine.t, fine.u, fine.u_rate, acceleration), method="bent")
+        bent = make_profile(CIRCLE, LIMITS, TimeLaw(fine.t, fine.u, fine.u_rate, acceleration), method="bent")
         before, after = (trace_plan(CIRCLE, LIMITS, plan, 200) for plan in (fine, bent))
         changed = np.flatnonzero(after.high["jerk"] > 2.0 * JERK)
         assert changed.size == 1
@@ -340,7 +341,7 @@ class TestPage:
         span, w = np.ptp(CIRCLE.domain), 2.0 * np.pi * 400 / duration
         u = CIRCLE.domain[0] + span * (t / duration + 0.7 * (np.cos(w * t) - 1.0) / (w * duration))
         rate, change = span / duration * (1.0 - 0.7 * np.sin(w * t)), -span / duration * 0.7 * w * np.cos(w * t)
-        profile = make_profile(CIRCLE, LIMITS, (t, u.clip(*CIRCLE.domain), rate, change), method="waves")
+        profile = make_profile(CIRCLE, LIMITS, TimeLaw(t, u.clip(*CIRCLE.domain), rate, change), method="waves")
         at = np.linspace(0.0, duration, 100_000)
         samples = Samples(at[1], at, np.interp(at, t, profile.u), np.zeros((at.size, 2)))
         verdict = Verdict(profile, LIMITS, "mill", samples, Report(()), Report(()))

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cases import drives
+from check_plans import with_columns
 from rich.console import Console
 
 from feedplan.verdict import Verdict, quantity, to_json, to_text
@@ -50,7 +51,7 @@ def with_shares(verdict: Verdict, **shares: float) -> Verdict:
     binding = np.repeat(np.arange(len(names)), [100_000 - sum(counts), *counts]).astype(np.int8)
     t = np.linspace(0.0, 1.0, 100_000)
     columns = {key: np.zeros(100_000) for key in ("u", "u_rate", "u_acceleration", "s", "feed", "acceleration", "jerk")}
-    profile = replace(verdict.profile, t=t, binding=binding, limit_names=names, **columns)
+    profile = with_columns(verdict.profile, t=t, binding=binding, limit_names=names, **columns)
     return replace(verdict, profile=profile)
 
 

@@ -25,6 +25,7 @@ from interp import replay
 from planner import load_curve
 from planner.errors import InputError
 from planner.geometry.nurbs import NurbsCurve
+from planner.law import TimeLaw
 from planner.machine.limits import Limits
 from planner.plan import plan_feedrate
 from planner.profile import Samples, make_profile
@@ -170,9 +171,7 @@ def test_the_end_is_the_end_of_the_curve_to_the_bit(cases, order):
 def test_the_period_comes_from_the_plan_where_none_is_given(short_plan):
     curve, profile = short_plan
     assert replay(curve, profile).period == 1e-3
-    nodes = (profile.t, profile.u, profile.u_rate, profile.u_acceleration)
-    limits = drives()
-    planned = make_profile(curve, limits.with_period(2e-3), nodes, method="s-curve")
+    planned = make_profile(curve, drives().with_period(2e-3), profile.law, method="s-curve")
     assert replay(curve, planned).period == 2e-3
     assert replay(curve, planned, 5e-3).period == 5e-3
 
@@ -234,7 +233,7 @@ def test_samples_stay_exact_after_a_million_seconds():
     s, v, a, _ = motion(times)
     nodes = [np.concatenate([[0.0], x]) for x in (rest + times, s / 64.0, v / 64.0, a / 64.0)]
     limits = Limits(200.0, [250.0] * 2, [1500.0] * 2, [20000.0] * 2)
-    profile = make_profile(line, limits, tuple(nodes), method="s-curve")
+    profile = make_profile(line, limits, TimeLaw(*nodes), method="s-curve")
     samples = replay(line, profile, period, start=rest)
     first = round(samples.t[0] / period)
     exact = [float((first + k) * Fraction(period) - Fraction(rest)) for k in range(samples.t.size)]

@@ -14,6 +14,7 @@ from interp import InterpolatorTable, TaylorTable, quintic_step, replay, start, 
 from interp import taylor_kernels as kernels
 from planner import load_curve
 from planner.errors import InputError
+from planner.law import TimeLaw
 from planner.profile import make_profile
 
 ORDERS = (1, 2, 3, 5)
@@ -121,7 +122,7 @@ def test_a_plan_of_two_nodes_crosses_all_pieces_in_one_interval(order):
     # constant rate of the parameter: u(t) = t/2 over all 48 pieces, the feed as it comes
     limits = drives()
     nodes = tuple(np.array(x) for x in ([0.0, 2.0], curve.domain, [0.5, 0.5], [0.0, 0.0]))
-    profile = make_profile(curve, limits, nodes, method="constant rate")
+    profile = make_profile(curve, limits, TimeLaw(*nodes), method="constant rate")
     if order == 5:
         assert len(InterpolatorTable.from_profile(profile).segments) == len(curve.pieces.breaks)
     samples = replay(curve, profile, 1e-4, order=order)
@@ -232,7 +233,7 @@ def test_a_plan_whose_parameter_falls_back_is_refused():
     curve = load_curve("circle")
     limits = drives()
     nodes = tuple(np.array(x) for x in ([0.0, 1.0, 2.0], [0.0, 0.5, 1.0], [0.0, -0.2, 0.0], [0.0, 0.0, 0.0]))
-    profile = make_profile(curve, limits, nodes, method="swinging")
+    profile = make_profile(curve, limits, TimeLaw(*nodes), method="swinging")
     with pytest.raises(InputError, match=r"falls back by .* between t = 0\.0 and 1\.0 s"):
         InterpolatorTable.from_profile(profile)
 
@@ -241,7 +242,7 @@ def test_a_plan_may_rest_on_the_way():
     curve = load_curve("circle")
     limits = drives()
     times, u = np.array([0.0, 3.0, 4.0, 7.0]), np.array([0.0, 0.3, 0.3, 1.0])
-    profile = make_profile(curve, limits, (times, u, np.zeros(4), np.zeros(4)), method="stop")
+    profile = make_profile(curve, limits, TimeLaw(times, u, np.zeros(4), np.zeros(4)), method="stop")
     for order in ORDERS:
         samples = replay(curve, profile, 1e-3, order=order)
         assert np.ptp(samples.u[3001:4001]) == 0.0

@@ -13,6 +13,7 @@ from interp import replay
 from planner import Limits, check, load_curve, plan_feedrate
 from planner.errors import BrokenLimitError, InputError
 from planner.geometry.nurbs import NurbsCurve
+from planner.law import TimeLaw
 from planner.output.ngc import write_ngc
 from planner.profile import make_profile
 from planner.programs.reading.reader import read_program
@@ -137,7 +138,7 @@ class TestOfBrokenPlans:
     def test_a_plan_too_fast_is_not_written(self, tmp_path, planned):
         curve, profile = planned
         nodes = (profile.t / 1.01, profile.u, profile.u_rate * 1.01, profile.u_acceleration * 1.01**2)
-        fast = make_profile(curve, profile.limits, nodes, method="fast")
+        fast = make_profile(curve, profile.limits, TimeLaw(*nodes), method="fast")
         path = tmp_path / "a.ngc"
         with pytest.raises(
             BrokenLimitError, match=r"a\.ngc: not written: the plan BREAKS ITS LIMITS: .* checks fail, the worst"

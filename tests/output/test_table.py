@@ -11,6 +11,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from cases import drives
+from check_plans import with_columns
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from motions import plan_along, scurve
@@ -32,6 +33,7 @@ from planner import (
 )
 from planner.geometry.nurbs import NurbsCurve
 from planner.geometry.tolerance import PathTolerance
+from planner.law import TimeLaw
 from planner.origin import Origin
 from planner.output.table import write_samples
 from planner.profile import make_profile
@@ -98,7 +100,7 @@ def profiles(draw):
     profile = make_profile(
         CIRCLE,
         LIMITS,
-        (t, u, rates, accelerations),
+        TimeLaw(t, u, rates, accelerations),
         method=draw(st.sampled_from(["optimal", "nlp", ""])),
         lower_bound=draw(st.one_of(st.just(np.nan), st.floats(0.0, float(t[-1])))),
     )
@@ -131,7 +133,7 @@ class TestRoundTrip:
     def test_numbers_too_small_for_their_digits_come_back(self, tmp_path, suffix):
         t, u = np.array([0.0, 1.0, 2.0, 2993.0, 2994.0]), np.array([0.0, 0.0, 0.0, 0.0, 1.0])
         rates = np.array([0.0, 0.0, 0.0, 2.22507386e-309, 0.0])
-        profile = make_profile(CIRCLE, LIMITS, (t, u, rates, np.zeros(5)), method="optimal")
+        profile = make_profile(CIRCLE, LIMITS, TimeLaw(t, u, rates, np.zeros(5)), method="optimal")
         assert 0.0 < abs(profile.jerk[2]) < 1e-308
         path = tmp_path / f"table{suffix}"
         write_table(path, profile, LIMITS)
@@ -320,7 +322,7 @@ class TestDamage:
             table_limits(path)
 
     def test_a_table_that_ends_early_is_refused(self, tmp_path, plan):
-        short = dataclasses.replace(plan, **{name: getattr(plan, name)[:-2] for name in COLUMNS})
+        short = with_columns(plan, **{name: getattr(plan, name)[:-2] for name in COLUMNS})
         write_table(tmp_path / "table.csv", short, LIMITS)
         with pytest.raises(InputError, match=r"the rows run from u = 0\.0 to 0\.\d+; circle runs from 0\.0 to 1\.0"):
             read_table(tmp_path / "table.csv", CIRCLE)
@@ -328,7 +330,7 @@ class TestDamage:
     def test_a_jump_at_one_time_is_refused(self, tmp_path, plan):
         t = plan.t.copy()
         t[5] = t[4]
-        write_table(tmp_path / "table.csv", dataclasses.replace(plan, t=t), LIMITS)
+        write_table(tmp_path / "table.csv", with_columns(plan, t=t), LIMITS)
         lines = (tmp_path / "table.csv").read_text().splitlines()
         with pytest.raises(
             InputError, match=rf":{first_row(lines) + 6}: t_s = (\S+) must be greater than \1, the one before"
@@ -429,7 +431,7 @@ class TestTruth:
             "position": {"s": profile.s * (1.0 + 1e-6)},
             "second": {"acceleration": profile.acceleration * (1.0 + 1e-6)},
         }[planted]
-        false = dataclasses.replace(profile, **some)
+        false = with_columns(profile, **some)
         write_table(path, false, limits)
         with pytest.raises(InputError, match="disagrees with the time law"):
             read_table(path, profile.curve)
@@ -544,7 +546,7 @@ class TestTruth:
         k = 1.2
         nodes = (profile.t * k, profile.u, profile.u_rate / k, profile.u_acceleration / k**2)
         slowed = np.where(np.arange(profile.t.size) < 20, 1.0, k)
-        plan = make_profile(profile.curve, limits, nodes, method="", slowed=slowed)
+        plan = make_profile(profile.curve, limits, TimeLaw(*nodes), method="", slowed=slowed)
         assert plan.slowed == ((0, 1.0), (20, k))
         assert (plan.binding[20:] == profile.binding[20:]).mean() > 0.98
         path = tmp_path / "t.csv"

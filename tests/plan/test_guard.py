@@ -6,7 +6,7 @@ from scipy.interpolate import BPoly
 
 from planner.errors import SolverError
 from planner.geometry.nurbs import NurbsCurve
-from planner.law import TimeNodes
+from planner.law import TimeLaw
 from planner.plan.guard import require_law
 
 LINE = NurbsCurve([[0.0, 0.0], [1.0, 0.0]], [0, 0, 1, 1], 1, name="line")
@@ -20,7 +20,7 @@ def law(**changes):
     for name, (node, value) in changes.items():
         columns[name] = columns[name].copy()
         columns[name][node] = value
-    return TimeNodes(**columns)
+    return TimeLaw(**columns)
 
 
 def test_a_law_passes():
@@ -64,4 +64,4 @@ def test_rounding_is_no_fall():
     """A last digit of u far from 0, over a short time, turns the rate a little."""
     t = np.array([0.0, 1e-9, 2e-9])
     u = 1e3 + 1e-6 * t / t[-1]
-    require_law(LINE, TimeNodes(t, u, np.full(3, 500.0), np.zeros(3)))
+    require_law(LINE, TimeLaw(t, u, np.full(3, 500.0), np.zeros(3)))

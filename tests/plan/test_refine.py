@@ -213,7 +213,7 @@ def test_a_tightened_solve_begins_on_the_way_of_the_last_unless_a_feed_is_prescr
 def test_idle_is_the_share_of_the_time_in_which_nothing_binds() -> None:
     task, stage = task_of()
     attempt = stage.solve(task, None)
-    time = np.diff(attempt.law.nodes(stage.path).t).reshape(-1, 2).sum(axis=1)
+    time = np.diff(attempt.law.time_law(stage.path).t).reshape(-1, 2).sum(axis=1)
     some = np.zeros(time.size)
     some[[3, 30, 31]] = 1.0, 0.5, 1.0
     idle = replace(attempt, unbound=some).idle
@@ -289,7 +289,7 @@ def test_a_grid_is_too_coarse_where_tightening_does_not_help(
 
 @pytest.mark.parametrize(("slowdown", "said"), [(1.0009, False), (1.0021, True)])
 def test_a_slowing_down_is_said(slowdown: float, said: bool) -> None:
-    nodes = round_of().nodes
+    nodes = round_of().law
     for before, after in ((Status.OPTIMAL, Status.SLOWED), (Status.BUDGET, Status.BUDGET)):
         plan = refine.SectionPlan(nodes, np.nan, before, Work(slowdown=slowdown)).said_slowed(0.25)
         assert plan.status is (after if said else before)

@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 from planner import load_curve
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
-from planner.law import TimeNodes, joined
+from planner.law import TimeLaw
 from planner.machine.limits import Limits
 from planner.plan.rows import Parameter, build
 from planner.plan.speed_law import SpeedLaw, _advance, _in_step
@@ -41,7 +41,7 @@ CURVES = {
 @pytest.fixture(scope="module", params=CURVES)
 def laid(request):
     section, path, law, x = law_on(CURVES[request.param]())
-    return section, path, law, x, law.nodes(path)
+    return section, path, law, x, law.time_law(path)
 
 
 # ---- SpeedLaw ------------------------------------------------------------------------------------------------------
@@ -125,29 +125,29 @@ def test_a_law_that_dips_below_zero_between_points_stays_finite():
     a[k], c[k:] = -6.0 * law.x[k] / h, np.array([30.0, -18.0]) * law.x[k] / h**2
     dipping = SpeedLaw(law.sigma, law.x, a, c)
     assert dipping.at(np.linspace(0.0, section.span, 20_001)).min() < 0.0
-    t = dipping.nodes(path).t
+    t = dipping.time_law(path).t
     assert np.isfinite(t).all()
     assert (np.diff(t) > 0.0).all()
 
 
 def test_slower_clock():
     _, path, law, _ = law_on(CURVES["circle"]())
-    nodes = law.nodes(path)
+    nodes = law.time_law(path)
     slow = nodes.dilated(2.0)
     assert np.array_equal(slow.u, nodes.u)
     assert np.array_equal(slow.t, 2.0 * nodes.t)
     assert np.array_equal(slow.u_rate, nodes.u_rate / 2.0)
     assert np.array_equal(slow.u_acceleration, nodes.u_acceleration / 4.0)
-    table = TimeNodes(nodes.t, nodes.u, nodes.u_rate, nodes.u_acceleration).dilated(2.0)
+    table = TimeLaw(nodes.t, nodes.u, nodes.u_rate, nodes.u_acceleration).dilated(2.0)
     assert np.array_equal(table.t, slow.t)
     assert table.steps is None
 
 
 def test_joined_laws_follow_one_another_and_share_the_moments_between_them():
     _, path, law, _ = law_on(CURVES["formula"]())
-    nodes = law.nodes(path)
+    nodes = law.time_law(path)
     parts = [nodes, nodes.dilated(3.0), nodes.dilated(0.5)]
-    whole, size = joined(parts), nodes.t.size
+    whole, size = TimeLaw.joined(parts), nodes.t.size
     assert whole.t[0] == 0.0
     for k, part in enumerate(parts):
         mine = slice(k * size, (k + 1) * size)
@@ -163,10 +163,10 @@ def test_joined_laws_follow_one_another_and_share_the_moments_between_them():
 def test_a_law_in_another_unit_of_time_has_the_same_nodes(curve):
     """Powers of two round nothing: no digit of u, no node and no correction depends on how fast the law is."""
     _, path, law, _ = law_on(CURVES[curve](), intervals=400)
-    nodes = law.nodes(path)
+    nodes = law.time_law(path)
     assert np.count_nonzero((path.rounding != 0.0) & (path.u[1] > 0.0)) > 20
     for unit in (2.0**-20, 2.0**20):
-        scaled = SpeedLaw(law.sigma, unit**2 * law.x, unit**2 * law.a, unit**2 * law.c).nodes(path)
+        scaled = SpeedLaw(law.sigma, unit**2 * law.x, unit**2 * law.a, unit**2 * law.c).time_law(path)
         assert np.array_equal(scaled.t, nodes.t / unit)
         assert np.array_equal(scaled.u, nodes.u)
         assert np.array_equal(scaled.u_rate, unit * nodes.u_rate)
@@ -180,26 +180,25 @@ def test_a_law_that_would_fall_back_into_a_stop_is_held_forward():
     t = np.array([0.0, 0.5, 1.5, 2.0])
     u = np.array([0.0, 0.1, 0.9, 1.0])
     rate = np.array([0.0, 0.45, 0.45, 0.0])
-    nodes = TimeNodes(t, u, rate, np.array([0.0, -2.0, 2.0, 0.0]))
+    nodes = TimeLaw(t, u, rate, np.array([0.0, -2.0, 2.0, 0.0]))
     assert utilisation(line, free, nodes).backward[[0, 2]].min() > 0.0
-    nodes.keep_forward_at_stops()
+    nodes = nodes.forward_at_stops()
     assert nodes.u_acceleration == pytest.approx([0.0, -0.8, 0.8, 0.0], rel=1e-12)  # (20 D / h - 8 v) / h
     assert utilisation(line, free, nodes).backward.max() <= 1e-12
-    held = TimeNodes(t, u, rate, np.array([0.0, 0.3, -0.3, 0.0]))
-    held.keep_forward_at_stops()
+    held = TimeLaw(t, u, rate, np.array([0.0, 0.3, -0.3, 0.0]))
+    held = held.forward_at_stops()
     assert held.u_acceleration.tolist() == [0.0, 0.3, -0.3, 0.0]
-    moving = TimeNodes(t, u, rate + 0.1, np.array([0.0, -2.0, 2.0, 0.0]))
-    moving.keep_forward_at_stops()
+    moving = TimeLaw(t, u, rate + 0.1, np.array([0.0, -2.0, 2.0, 0.0]))
+    moving = moving.forward_at_stops()
     assert moving.u_acceleration.tolist() == [0.0, -2.0, 2.0, 0.0]
 
 
 def test_nodes_of_a_law_are_held_forward_at_stops(monkeypatch):
     """A smooth law needs it for its last digits only; every law gets it."""
     _, path, law, _ = law_on(CURVES["formula"]())
-    held = []
-    monkeypatch.setattr(TimeNodes, "keep_forward_at_stops", lambda nodes: held.extend([nodes]))
-    nodes = law.nodes(path)
-    assert held == [nodes]
+    planted = TimeLaw(*np.zeros((4, 2)))
+    monkeypatch.setattr(TimeLaw, "forward_at_stops", lambda given: planted)
+    assert law.time_law(path) is planted
 
 
 def test_midpoints_are_where_they_round_to():
@@ -210,7 +209,7 @@ def test_midpoints_are_where_they_round_to():
     points = np.empty(2 * sigma.size - 1)
     points[0::2], points[1::2] = sigma, 0.5 * (sigma[:-1] + sigma[1:])
     along = np.stack([points, np.ones(points.size), np.zeros(points.size), np.zeros(points.size)])
-    nodes = SpeedLaw(sigma, ones, none, none).nodes(Parameter(along, np.zeros(points.size)))
+    nodes = SpeedLaw(sigma, ones, none, none).time_law(Parameter(along, np.zeros(points.size)))
     exact = [float(Fraction(b) - Fraction(a)) for a, b in pairwise(points)]
     assert nodes.steps[0] == pytest.approx(exact, rel=1e-15, abs=0.0)
     uneven = [2.0 * exact[k] / (exact[k] + exact[k + 1]) - 1.0 for k in range(0, len(exact), 2)]
@@ -226,7 +225,7 @@ def test_a_node_is_the_moment_at_which_the_law_has_the_rounded_parameter():
     along = np.stack([u, 3.0 * points**2, 6.0 * points, np.full(points.size, 6.0)])
     ones, none = np.ones(sigma.size), np.zeros(sigma.size)
     rounding = (u - 1.0) - points**3
-    nodes = SpeedLaw(sigma, ones, none, none).nodes(Parameter(along, rounding))
+    nodes = SpeedLaw(sigma, ones, none, none).time_law(Parameter(along, rounding))
     t = np.cbrt(u - 1.0)
     late = np.abs(t / points - 1.0)
     assert late.max() > 2e-3
@@ -244,7 +243,7 @@ def test_steps_of_nodes_are_the_advance_of_the_law_and_not_the_differences_of_u(
     points[0::2], points[1::2] = sigma, 0.5 * (sigma[:-1] + sigma[1:])
     along = np.stack([1e6 + points, np.ones(points.size), np.zeros(points.size), np.zeros(points.size)])
     ones, none = np.ones(sigma.size), np.zeros(sigma.size)
-    nodes = SpeedLaw(sigma, ones, none, none).nodes(Parameter(along, np.zeros(points.size)))
+    nodes = SpeedLaw(sigma, ones, none, none).time_law(Parameter(along, np.zeros(points.size)))
     assert nodes.steps[1] == pytest.approx(np.diff(points), rel=1e-12, abs=0.0)
     assert np.abs(np.diff(along[0]) - np.diff(points)).max() > 1e-11
 
@@ -254,7 +253,7 @@ def test_beside_a_stop_the_law_is_that_of_the_path_and_not_of_the_digits_of_u(sh
     """The jerk of each interval's quintic at its ends is that of the cubic there; a digit of u is worth far more."""
     curve = FormulaCurve({"X": f"30*cos(u-{shift})", "Y": f"18*sin(u-{shift})"}, (0.2 + shift, 3.0 + shift))
     _, path, law, _ = law_on(curve, intervals=400)
-    nodes = law.nodes(path)
+    nodes = law.time_law(path)
     (h, advance), v, a = nodes.steps, nodes.u_rate, nodes.u_acceleration
     rest = advance - h * (v[:-1] + 0.5 * a[:-1] * h)
     c3 = (10.0 * rest - 4.0 * h * (v[1:] - v[:-1] - a[:-1] * h) + 0.5 * h**2 * (a[1:] - a[:-1])) / h**3

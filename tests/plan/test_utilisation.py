@@ -10,11 +10,10 @@ from strategies import random_nurbs
 from planner import load_curve
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
-from planner.law import TimeNodes
+from planner.law import TimeLaw
 from planner.machine.limits import Limits
 from planner.plan.utilisation import _points, utilisation
 from planner.plan.utilisation_kernels import _peak
-from planner.profile import evaluate_law
 from planner.programs.path.path import program_path
 
 W = np.sqrt(0.5)
@@ -54,7 +53,7 @@ def random_law(curve, seed, nodes=30):
     rate *= 1.0 + 1e-3 * noise**2 * rng.normal(size=t.size)
     acceleration += 1e-2 * noise * np.abs(acceleration).max() * rng.normal(size=t.size)
     twice = np.repeat(np.arange(t.size), 1 + np.isin(u, breaks))
-    return TimeNodes(t[twice], u[twice], rate[twice], acceleration[twice])
+    return TimeLaw(t[twice], u[twice], rate[twice], acceleration[twice])
 
 
 def by_brute_force(curve, limits, nodes, points=1001):
@@ -63,7 +62,7 @@ def by_brute_force(curve, limits, nodes, points=1001):
     for i in np.flatnonzero(np.diff(nodes.t) > 0.0):
         pair = slice(i, i + 2)
         t = nodes.t[i] + (nodes.t[i + 1] - nodes.t[i]) * np.linspace(1e-9, 1.0 - 1e-9, points)
-        u, u1, u2, u3 = evaluate_law(nodes.t[pair], nodes.u[pair], nodes.u_rate[pair], nodes.u_acceleration[pair], t)
+        u, u1, u2, u3 = TimeLaw(nodes.t[pair], nodes.u[pair], nodes.u_rate[pair], nodes.u_acceleration[pair]).at(t)
         q = curve.derivatives(u, 3)
         v = q[1] * u1[:, None]
         a = q[2] * u1[:, None] ** 2 + q[1] * u2[:, None]
@@ -140,7 +139,7 @@ def test_a_peak_between_two_points_is_estimated(place):
     ends = np.arange(2.0)
     rate, acceleration = (np.tile(scale * p.deriv(k)(ends), count) for k in (1, 2))
     t = np.repeat(np.arange(count + 1.0), 2)[1:-1]
-    nodes = TimeNodes(t, t.copy(), rate, acceleration)
+    nodes = TimeLaw(t, t.copy(), rate, acceleration)
     limits = Limits(np.inf, [np.inf] * 2, [np.inf] * 2, [scale, np.inf])
     used = utilisation(line, limits, nodes).jerk
     assert used[::2] == pytest.approx(np.ones(count), rel=1e-8)
@@ -150,7 +149,7 @@ def test_a_peak_between_two_points_is_estimated(place):
 def test_a_peak_that_parabolas_miss_is_found_where_it_decides(height):
     """A whole blend within two intervals of a law: its jerk has peaks between the points that are looked at first."""
     blend = NurbsCurve([[0.0, 0.0], [4.0, 0.0], [6.0, 0.0], [6.0, 2.0], [6.0, 6.0]], [0, 0, 0, 0, 0.5, 1, 1, 1, 1], 3)
-    nodes = TimeNodes(
+    nodes = TimeLaw(
         np.array([0.0, 0.4, 1.0]), np.array([0.0, 0.5, 1.0]), np.array([1.0, 1.5, 0.6]), np.array([1.0, 0.2, -2.0])
     )
     free = Limits(np.inf, [np.inf] * 2, [np.inf] * 2, [1.0, 1.0])
@@ -197,13 +196,13 @@ def test_rounding_of_a_table_is_granted_and_no_more():
     t = 1e-3 * np.arange(400)
     u, rate, acceleration = 1e5 + (10.0 * t + 0.1 * t**3 / 6.0), 10.0 + 0.05 * t**2, 0.1 * t
     limits = Limits(np.inf, [np.inf] * 2, [np.inf] * 2, [0.5, np.inf])
-    nodes = TimeNodes(t, u, rate, acceleration)
+    nodes = TimeLaw(t, u, rate, acceleration)
     assert by_brute_force(line, limits, nodes, 11)[2].max() > 1.0
     assert utilisation(line, limits, nodes).jerk.max() <= 0.2 * (1.0 + 1e-9)
     # at a tenth of the digits nothing is left to be granted
-    near = TimeNodes(t, 10.0 * t + 0.1 * t**3 / 6.0, rate, acceleration)
+    near = TimeLaw(t, 10.0 * t + 0.1 * t**3 / 6.0, rate, acceleration)
     assert utilisation(line, limits, near).jerk == pytest.approx(np.full(399, 0.2), abs=2e-3)
-    exact = TimeNodes(t, u, rate, acceleration, np.stack([np.diff(t), np.diff(10.0 * t + 0.1 * t**3 / 6.0)]))
+    exact = TimeLaw(t, u, rate, acceleration, np.stack([np.diff(t), np.diff(10.0 * t + 0.1 * t**3 / 6.0)]))
     assert utilisation(line, limits, exact).jerk == pytest.approx(np.full(399, 0.2), abs=2e-3)
 
 
@@ -213,7 +212,7 @@ def test_what_is_granted_for_rounding_is_that_of_the_interval_and_not_of_the_end
     limits = Limits(np.inf, [np.inf] * 2, [np.inf] * 2, [0.5, np.inf])
     t = np.array([0.0, 1e-3, 2e-3, 100.0, 200.0])
     for feed in (0.0, 1e3):
-        nodes = TimeNodes(t, feed * t + t**3 / 6.0, feed + t**2 / 2.0, t)
+        nodes = TimeLaw(t, feed * t + t**3 / 6.0, feed + t**2 / 2.0, t)
         assert utilisation(line, limits, nodes).jerk[[0, 1]] == pytest.approx([2.0, 2.0], rel=1e-3)
 
 
@@ -230,11 +229,11 @@ def test_every_interval_of_a_long_law_has_its_peak_estimated():
 def test_a_law_that_falls_back_says_how_fast():
     line = NurbsCurve([[0.0, 0.0], [10.0, 0.0]], [0, 0, 1, 1], 1)
     free = Limits(np.inf, [np.inf] * 2, [np.inf] * 2, [1.0, 1.0])
-    nodes = TimeNodes(
+    nodes = TimeLaw(
         np.array([0.0, 1.0, 2.0]), np.array([0.0, 0.5, 1.0]), np.array([0.5, 2.0, 0.1]), np.array([0.0, 0.0, 0.0])
     )
     fine = [
-        evaluate_law(*(c[k : k + 2] for c in (nodes.t, nodes.u, nodes.u_rate, nodes.u_acceleration)), at)[1]
+        TimeLaw(*(c[k : k + 2] for c in (nodes.t, nodes.u, nodes.u_rate, nodes.u_acceleration))).at(at)[1]
         for k, at in enumerate(np.linspace([0.0, 1.0], [1.0, 2.0], 5001).T)
     ]
     used = utilisation(line, free, nodes)
@@ -247,7 +246,7 @@ def test_feeds_that_the_path_commands_are_those_of_each_interval():
     path = program_path(program(*blocks), 0.01, drives(np.inf)).curve
     free = Limits(5.0, *[[np.inf] * path.dim] * 3, axes=path.axes)
     u = np.arange(11.0)
-    used = utilisation(path, free, TimeNodes(u, u, np.ones(11), np.zeros(11)))
+    used = utilisation(path, free, TimeLaw(u, u, np.ones(11), np.zeros(11)))
     assert used.speed == pytest.approx([0.5] * 4 + [0.25] + [0.2] * 5, rel=1e-12)
 
 
@@ -256,7 +255,7 @@ def test_a_stretch_between_breaks_has_forty_points_however_few_its_intervals():
     points = [[0.0, 0.0], [1.0, 1.0], [2.0, 0.0], [3.0, 1.0], [4.0, 0.0]]
     zigzag = NurbsCurve(points, [0, 0, 1, 2, 3, 4, 4], 1)
     u = np.concatenate([[0.0, 1.0, 1.25, 2.0, 3.0], np.linspace(3.0, 4.0, 98)[1:]])
-    nodes = TimeNodes(u, u, np.ones(u.size), np.zeros(u.size))
+    nodes = TimeLaw(u, u, np.ones(u.size), np.zeros(u.size))
     found = _points(zigzag, nodes, np.diff(u))
     assert found.tolist() == [40, 10, 30, 40, *[5] * 97]
 
@@ -270,7 +269,7 @@ def test_rotary_axes_and_a_resting_tip():
     limits = Limits(100.0, [250, 250, 0.1], [1000, 1000, 10], [2e4, 2e4, 200], 1e-3, axes=["X", "Y", "A"])
     double = np.repeat(np.arange(91), 1 + np.isin(np.round(t, 9), np.arange(1.0, 9.0)))
     one = np.ones(double.size)
-    used = utilisation(curve, limits, TimeNodes(t[double], t[double], one, 0.0 * one))
+    used = utilisation(curve, limits, TimeLaw(t[double], t[double], one, 0.0 * one))
     mid = np.append(0.5 * (t[double][1:] + t[double][:-1]), 0.0)[:-1]
     resting = (mid > 5.0) & (mid < 6.0) & (np.diff(t[double]) > 0.0)
     assert np.isfinite(used.slowdown).all()
@@ -298,7 +297,7 @@ def test_beside_a_curvature_jump_half_of_the_jerk_is_the_steps():
     turn = -((feed / speed_after) ** 2) * np.sum(d_after[1] * d_after[2], axis=-1) / speed_after**2
     at_jump = curve.derivatives(np.array([1.0]), 2)[:, 0]
     first = np.sqrt(at_jump[1] @ at_jump[1])
-    nodes = TimeNodes(
+    nodes = TimeLaw(
         np.concatenate([time, [0.0], after]) + 0.05,
         np.concatenate([u, [1.0], u_after]),
         np.concatenate([rate, [feed / first], feed / speed_after]),

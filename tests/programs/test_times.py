@@ -13,6 +13,7 @@ from program_blocks import line, polyline, program, rapid
 
 from planner import InputError, Limits, load_curve, plan_feedrate
 from planner.files.columns import reading
+from planner.law import TimeLaw
 from planner.profile import make_profile
 from planner.programs.path.path import program_path
 from planner.programs.reading.reader import read_program
@@ -137,7 +138,7 @@ class TestBinding:
         t = np.arange(5.0)
         u = np.linspace(*path.curve.domain, 5)
         rate = np.full(5, 30.0)
-        uniform = make_profile(path.curve, limits, (t, u, rate, np.zeros(5)), method="uniform")
+        uniform = make_profile(path.curve, limits, TimeLaw(t, u, rate, np.zeros(5)), method="uniform")
         names = profile.limit_names
         marked = replace(uniform, binding=np.array([0, 1, 2, 2, 0], dtype=np.int8))
         times = line_times(source, path, marked)

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from planner import load_curve
+from planner.law import TimeLaw
 from planner.machine.limits import Limits
 from planner.profile import make_profile
-from planner.verify.motion import Motion, TimeLaw
+from planner.verify.motion import Motion, Quintics
 from planner.verify.peaks import CANDIDATES, Highest, peaks
 from planner.verify.quantities import REVERSAL, axis_rows, names
 
@@ -27,14 +28,14 @@ def plan_on(name, count=37):
     u[-1] = u1
     rate = (u1 - u0) * (1.0 - np.cos(2.0 * np.pi * x)) / 3.0
     nodes = (3.0 * x, u, rate, (u1 - u0) * 2.0 * np.pi * np.sin(2.0 * np.pi * x) / 9.0)
-    return make_profile(curve, Limits(np.inf, free, free, free), nodes, method="test")
+    return make_profile(curve, Limits(np.inf, free, free, free), TimeLaw(*nodes), method="test")
 
 
 @pytest.fixture(scope="module", params=["circle", "flank"])
 def motion(request):
     """On a Cartesian machine, and on one whose tool tip is not made of the machine axes."""
     profile = plan_on(request.param)
-    return Motion.of(profile.curve, TimeLaw.of(profile))
+    return Motion.of(profile.curve, Quintics.of(profile))
 
 
 def chained(d, rates):
@@ -137,7 +138,7 @@ def test_what_is_not_a_number_is_the_highest(motion):
 
 def test_the_law_is_that_of_the_profile():
     profile = plan_on("circle")
-    law = TimeLaw.of(profile)
+    law = Quintics.of(profile)
     t = np.random.default_rng(4).uniform(0.0, profile.duration, 500)
     i, x = law.at(t)
     state = profile.at(t)

@@ -24,13 +24,16 @@ from check_plans import (
     sampled,
     scurve,
     unlimited,
+    with_columns,
     with_lengths,
 )
 
+import planner.law
 from planner import quantity
 from planner.errors import InputError
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
+from planner.law import TimeLaw
 from planner.machine.limits import Limits
 from planner.profile import Samples
 
@@ -158,7 +161,7 @@ def test_arguments_are_validated(line, line_limits, line_plan):
     with pytest.raises(InputError, match="period = 0"):
         check(line, line_limits, Samples(0.0, samples.t, samples.u, samples.position))
     with pytest.raises(InputError, match="must be one-dimensional, equal"):
-        check(line, line_limits, dataclasses.replace(line_plan, u=line_plan.u[1:]))
+        check(line, line_limits, with_columns(line_plan, u=line_plan.u[1:]))
     with pytest.raises(InputError, match='no row "jerk" for the axis "Z"'):
         check(line, line_limits, line_plan).row("jerk", "Z")
 
@@ -185,7 +188,7 @@ def test_arguments_are_validated(line, line_limits, line_plan):
 def test_a_defective_table_is_found(line, line_limits, line_plan, name, column, index, value):
     broken = getattr(line_plan, column).copy()
     broken[index] = value
-    report = check(line, line_limits, dataclasses.replace(line_plan, **{column: broken}))
+    report = check(line, line_limits, with_columns(line_plan, **{column: broken}))
     assert (name, "") in failing(report)
     if name in ("table columns", "binding limit"):
         assert failing(report) == {(name, "")}
@@ -379,3 +382,18 @@ def test_digits_do_not_hide_a_spike_of_the_jerk(width, times, holds):
     curve, limits, nodes = spiked_line(width, times)
     row = check(curve, limits, profile_on(curve, limits, nodes)).row("jerk", "X")
     assert row.ok is holds
+
+
+def test_the_check_evaluates_the_law_by_itself(ellipse, ellipse_plan, used_up, monkeypatch):
+    """It takes nodes from a plan: no formula of the law between them is the planner's."""
+    expected = check(ellipse, used_up["profile"], ellipse_plan)
+
+    def broken(*_):
+        raise AssertionError("the check asked the planner")
+
+    for name in ("at", "coefficients", "dilated", "only", "joined", "forward_at_stops"):
+        monkeypatch.setattr(TimeLaw, name, broken)
+    monkeypatch.setattr(planner.law, "quintic_coefficients", broken)
+    assert check(ellipse, used_up["profile"], ellipse_plan) == expected
+    with pytest.raises(AssertionError, match="asked the planner"):
+        ellipse_plan.at(0.0)

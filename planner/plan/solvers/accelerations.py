@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InfeasibleError, SolverError
-from planner.law import TimeNodes
+from planner.law import TimeLaw
 from planner.machine.limits import COMMANDS, Limits, command_kind
 from planner.plan.knots import Grid, Scan, place_knots, scan, with_blends
 from planner.plan.rows import acceleration_rows, path_at, speed_limits
@@ -182,14 +182,14 @@ class _Stage:
         time = self.time(x)
         return np.asarray(steps & (time > _STEP_SHARE * time.sum()))
 
-    def nodes(self, x: FloatArray) -> TimeNodes:
+    def law(self, x: FloatArray) -> TimeLaw:
         """Nodes of the law: two at each inner knot, where the acceleration jumps."""
         pairs = np.stack([x[:-1], x[1:]], axis=1)
         a = 0.5 * np.diff(pairs, axis=1) / self.offset[:, -1:] + self.lean[:, None] * np.array([1.0, -1.0])
         rate = self.rate[0] * np.sqrt(pairs)
         acceleration = self.rate[1] * pairs + self.rate[0] * a
         t = np.concatenate([[0.0], np.cumsum(self.time(x))])
-        return TimeNodes(np.repeat(t, 2)[1:-1], np.repeat(self.u, 2)[1:-1], rate.reshape(-1), acceleration.reshape(-1))
+        return TimeLaw(np.repeat(t, 2)[1:-1], np.repeat(self.u, 2)[1:-1], rate.reshape(-1), acceleration.reshape(-1))
 
     def tightened(self, used: Utilisation) -> _Stage:
         """The same with tighter limits in the intervals that exceed them."""
@@ -203,7 +203,7 @@ class WithoutJerk:
 
     Attributes
     ----------
-    nodes : TimeNodes
+    law : TimeLaw
     unmet : float
         By how much the law still has to be slowed down to keep its limits everywhere, >= 1.
     place : float
@@ -213,7 +213,7 @@ class WithoutJerk:
         Time that one percent more of each limit saves, s, by the limit's name.
     """
 
-    nodes: TimeNodes
+    law: TimeLaw
     unmet: float
     place: float
     work: Work
@@ -263,7 +263,7 @@ def plan_section(section: Section, limits: Limits, intervals: int) -> WithoutJer
             break
     stage, x, unmet, place, rounds = best
     work = Work(intervals=stage.y.size - 1, iterations=rounds, rounds=rounds, slowdown=unmet)
-    return WithoutJerk(stage.nodes(x), unmet, place, work, _saved(stage, limits, section.curve.axes, x))
+    return WithoutJerk(stage.law(x), unmet, place, work, _saved(stage, limits, section.curve.axes, x))
 
 
 _Found = tuple[_Stage, FloatArray, float, float, int]
@@ -327,7 +327,7 @@ def _refined(
                 f"{section.curve.name}: no plan found near u = {stage.u[still[0]]:.9g}, where the limits leave no feed; "
                 "split the curve there, or ask for more intervals"
             )
-        used = utilisation(section.curve, limits, stage.nodes(x))
+        used = utilisation(section.curve, limits, stage.law(x))
         slowdown = np.maximum(used.speed, np.sqrt(used.acceleration))[::2]
         unmet = max(1.0, float(slowdown.max()))
         stepping = stage.stepping(x)

@@ -29,8 +29,8 @@ from planner.geometry.differential import (
     rates_of_parameter,
     speed_derivatives,
 )
+from planner.law import quintic_coefficients
 from planner.machine.limits import Limits, chord_feed_limit, commanded_feed, largest_command
-from planner.profile import quintic_coefficients
 from planner.types import FloatArray, Side
 
 Nodes = tuple[FloatArray, FloatArray, FloatArray, FloatArray]

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from planner.errors import InfeasibleError, SolverError
-from planner.law import TimeNodes
+from planner.law import TimeLaw
 from planner.machine.limits import Limits
 from planner.plan.knots import place_knots, scan, with_blends
 from planner.plan.rows import acceleration_rows, path_at, speed_cap
@@ -23,7 +23,7 @@ from planner.types import FloatArray
 _FASTEST = 1e4  # in units of the section over its expected duration; stands for no bound
 
 
-def plan_section(section: Section, limits: Limits, intervals: int) -> TimeNodes:
+def plan_section(section: Section, limits: Limits, intervals: int) -> TimeLaw:
     """Plan one section with acceleration limits only.
 
     Parameters
@@ -36,7 +36,7 @@ def plan_section(section: Section, limits: Limits, intervals: int) -> TimeNodes:
 
     Returns
     -------
-    TimeNodes
+    TimeLaw
 
     Raises
     ------
@@ -67,7 +67,7 @@ def plan_section(section: Section, limits: Limits, intervals: int) -> TimeNodes:
     left = path_at(plain, limits, sigma[1:], u[1:], np.ones(h.size, dtype=bool)).u
     rate = np.stack([right[1] * speed[:-1], left[1] * speed[1:]], axis=1)
     acceleration = np.stack([right[2] * x[:-1] + right[1] * a, left[2] * x[1:] + left[1] * a], axis=1)
-    return TimeNodes(np.repeat(t, 2)[1:-1], np.repeat(u, 2)[1:-1], rate.reshape(-1), acceleration.reshape(-1))
+    return TimeLaw(np.repeat(t, 2)[1:-1], np.repeat(u, 2)[1:-1], rate.reshape(-1), acceleration.reshape(-1))
 
 
 def _solve(section: Section, limits: Limits, sigma: FloatArray, u: FloatArray, unit: float) -> FloatArray:

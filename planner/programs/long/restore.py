@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.law import TimeLaw
 from planner.profile import FeedrateProfile, make_profile
 from planner.programs.long.done import Done
 from planner.programs.long.journal import Journal
@@ -162,7 +163,7 @@ def _profile(
     if u[0] != 0.0 or u[-1] != run.length or (np.diff(u) < 0.0).any():
         raise journal.refusal(path, f"its parameter must increase from 0 to {run.length!r}")
     curve, limits = planner.limited(run)
-    profile = make_profile(curve, limits, (t, u, law[2], law[3]), method="optimal")
+    profile = make_profile(curve, limits, TimeLaw(*law[:4]), method="optimal")
     return replace(profile, feed=law[4])
 
 

@@ -22,6 +22,7 @@ import planner
 from feedplan.cli import app
 from planner import check, load_curve, load_limits, read_table, write_table
 from planner.errors import InfeasibleError, SolverError, StalledError
+from planner.law import TimeLaw
 from planner.output.plots import plot_plan
 from planner.profile import make_profile
 from planner.status import Status
@@ -50,7 +51,7 @@ def fast_table(tmp_path, plan):
     """The same plan, run 0.5 % faster than its limits allow."""
     limits = load_limits("mill").for_curve(plan.curve)
     nodes = (plan.t / 1.005, plan.u, plan.u_rate * 1.005, plan.u_acceleration * 1.005**2)
-    write_table(tmp_path / "fast.csv", make_profile(plan.curve, limits, nodes, method="faster"), limits)
+    write_table(tmp_path / "fast.csv", make_profile(plan.curve, limits, TimeLaw(*nodes), method="faster"), limits)
     return tmp_path / "fast.csv"
 
 
@@ -220,7 +221,7 @@ class TestCheck:
         limits = load_limits("mill").for_curve(plan.curve)
         nodes = (plan.t / 1.005, plan.u, plan.u_rate * 1.005, plan.u_acceleration * 1.005**2)
         planned_by(monkeypatch, lambda curve, limits, **options: fast)
-        fast = make_profile(plan.curve, limits, nodes, method="faster")
+        fast = make_profile(plan.curve, limits, TimeLaw(*nodes), method="faster")
         files = [tmp_path / name for name in ("t.csv", "out.ngc", "p.svg")]
         code, out, err = run("plan", "teardrop", "-o", files[0], "--program", files[1], "--plot", files[2])
         assert code == 1

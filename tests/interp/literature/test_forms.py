@@ -12,6 +12,7 @@ from interp.literature.forms import FORMS, prepare, replay_form
 from planner import load_curve
 from planner.errors import InputError, StalledError
 from planner.geometry.nurbs import NurbsCurve
+from planner.law import TimeLaw
 from planner.machine.limits import Limits
 from planner.profile import make_profile
 
@@ -51,7 +52,7 @@ def smooth():
     rate = np.linalg.norm(d[1], axis=1)
     bend = np.sum(d[1] * d[2], axis=1)
     limits = Limits(500.0, [500.0] * 2, [1e4] * 2, [1e5] * 2)
-    return curve, make_profile(curve, limits, (t, u, v / rate, a / rate - v**2 * bend / rate**4), method="exact")
+    return curve, make_profile(curve, limits, TimeLaw(t, u, v / rate, a / rate - v**2 * bend / rate**4), method="exact")
 
 
 def slope(x, y):
@@ -199,7 +200,7 @@ def test_a_rest_on_the_way_stalls_v_of_u_or_is_passed():
     curve = load_curve("circle")
     limits = drives()
     times, u = np.array([0.0, 3.0, 4.0, 7.0]), np.array([0.0, 0.3, 0.3, 1.0])
-    profile = make_profile(curve, limits, (times, u, np.zeros(4), np.zeros(4)), method="stop")
+    profile = make_profile(curve, limits, TimeLaw(times, u, np.zeros(4), np.zeros(4)), method="stop")
     with pytest.raises(
         StalledError, match=r"Taylor 2 V\(u\) has got to u = 0\.2999999.* of 1\.0 .* its feed is 0 there"
     ):

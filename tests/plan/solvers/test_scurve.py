@@ -14,6 +14,7 @@ from planner.errors import InfeasibleError, InputError
 from planner.geometry.fiveaxis import DualSplineCurve
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
+from planner.law import TimeLaw
 from planner.machine.limits import Limits, feedrate_limits
 from planner.machine.machine_file import load_limits
 from planner.plan.solvers.arcpath import used_exactly
@@ -33,7 +34,7 @@ TIMES = {
 
 def plan(curve, limits, start_feed=0.0, end_feed=0.0):
     nodes = plan_section(curve, limits, *curve.domain, start_feed, end_feed)
-    return make_profile(curve, limits, nodes, method="scurve")
+    return make_profile(curve, limits, TimeLaw(*nodes), method="scurve")
 
 
 def duration(curve, limits, start_feed=0.0, end_feed=0.0):
@@ -181,7 +182,7 @@ def test_plan_sped_up_by_half_a_percent_fails_the_check():
     curve = load_curve("teardrop")
     t, u, rate, acceleration = plan_section(curve, MILL.with_feed(300.0), 0.0, 1.0, 0.0, 0.0)
     faster = t / 1.005, u, rate * 1.005, acceleration * 1.005**2
-    assert not check(curve, MILL.with_feed(300.0), make_profile(curve, MILL, faster, method="scurve")).ok
+    assert not check(curve, MILL.with_feed(300.0), make_profile(curve, MILL, TimeLaw(*faster), method="scurve")).ok
     assert used_exactly(curve, MILL.with_feed(300.0), faster)[0].max() > 1.004
 
 

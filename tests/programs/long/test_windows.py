@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 from feedplan.cli import app
 from planner import InfeasibleError, InputError, Limits, check, plan_feedrate, read_program
 from planner.geometry.curve import FeedCaps
-from planner.law import TimeNodes
+from planner.law import TimeLaw
 from planner.plan.utilisation import utilisation
 from planner.programs.long import parts, window
 from planner.programs.long.parts import PathSource
@@ -469,7 +469,7 @@ def test_a_reserve_is_left_from_its_parameter_on():
     curve = program_path(winding(600), 0.01, PLANE).curve
     begins = 0.5 * curve.domain[1]
     profile = plan_feedrate(curve, PLANE, reserve=[(begins, 0.05)])
-    nodes = TimeNodes(profile.t, profile.u, profile.u_rate, profile.u_acceleration)
+    nodes = TimeLaw(profile.t, profile.u, profile.u_rate, profile.u_acceleration)
     jerk = utilisation(curve, PLANE, nodes).jerk
     after = profile.u[:-1] >= begins
     assert 0.94 < jerk[after].max() < 0.955
