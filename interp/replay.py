@@ -83,7 +83,7 @@ def replay(
     _fill(table, order, step, first, u, position)
     t = step * np.arange(first, last + 1, dtype=np.float64)
     ends = profile.at(np.minimum(t[[0, -1]], profile.duration)).feed
-    return Samples(step, t, u, position, float(ends[0]), float(ends[1]))
+    return Samples(step, t, u, position, float(ends[0]), float(ends[1]), curve.axes)
 
 
 def _range(duration: float, period: float, start: float, stop: float | None, end: int) -> tuple[int, int]:

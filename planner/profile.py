@@ -7,13 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from planner.errors import InputError
-from planner.geometry.curve import MAX_DERIVATIVE, Curve
+from planner.frames import Tabular
+from planner.geometry.curve import DEFAULT_AXES, MAX_DERIVATIVE, ROTARY_AXES, Curve
 from planner.geometry.differential import chain_rule, curvature, rates_along
+from planner.inputs import shorten
 from planner.law import TimeLaw, quintic_coefficients
 from planner.machine.limits import Limits, chord_feed_limit, commanded_feed
 from planner.origin import Origin
@@ -46,8 +49,11 @@ class ProfileStates:
 
 
 @dataclass(frozen=True, eq=False)
-class FeedrateProfile:
+class FeedrateProfile(Tabular):
     """A feedrate plan: what comes out of ``plan_feedrate`` and goes into ``replay``, ``check`` and tables.
+
+    ``to_frame()`` gives its nodes as a ``pandas.DataFrame`` where pandas is installed, else as a plain dict of arrays; so
+    does ``pandas.DataFrame(profile)``.
 
     Attributes
     ----------
@@ -159,6 +165,32 @@ class FeedrateProfile:
 
     __call__ = at
 
+    def columns(self) -> Mapping[str, NDArray[Any]]:
+        """Return the columns of the feedrate table, one row a node, by the names they have there."""
+        return {
+            "t_s": self.t,
+            "u": self.u,
+            "s_mm": self.s,
+            **_axis_columns(self.curve.axes, self.curve.derivatives(self.u, 0)[0]),
+            "feed_mm_s": self.feed,
+            "acceleration_mm_s2": self.acceleration,
+            "jerk_mm_s3": self.jerk,
+            "binding": np.array(self.limit_names, dtype=object)[self.binding],
+            "u_rate": self.u_rate,
+            "u_acceleration": self.u_acceleration,
+        }
+
+    def __len__(self) -> int:
+        """Number of nodes."""
+        return self.t.size
+
+    def __repr__(self) -> str:
+        bound = "none" if self.claim is Claim.NONE else f"{self.lower_bound:.6g} s, {self.claim.value}"
+        return (
+            f"FeedrateProfile of {shorten(self.curve.name)}: {self.duration:.6g} s, {self.t.size} nodes, method "
+            f"{shorten(self.method)}, {self.status.value}\n    lower bound {bound}; {len(self.notes)} notes"
+        )
+
     def shares(self) -> dict[str, float]:
         """Share of the time during which each limit holds the path back, largest first."""
         weight = np.diff(self.t)
@@ -170,8 +202,11 @@ class FeedrateProfile:
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
+class Samples(Tabular):
     """One point a period, as a controller would send them to the drives.
+
+    ``to_frame()`` gives them as a ``pandas.DataFrame`` where pandas is installed, else as a plain dict of arrays; so does
+    ``pandas.DataFrame(samples)``.
 
     Attributes
     ----------
@@ -186,6 +221,8 @@ class Samples:
     start_feed, end_feed : float
         Feed of the plan at the first and last sample, mm/s.  Where it is 0 the point is held beyond the end; elsewhere
         the path goes on, and a last period cut short by the end of the curve is no motion of the machine's.
+    axes : tuple of str
+        Names of the machine axes; X, Y, Z, U, V, W if left out.
     """
 
     period: float
@@ -194,10 +231,32 @@ class Samples:
     position: FloatArray
     start_feed: float = 0.0
     end_feed: float = 0.0
+    axes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for array in (self.t, self.u, self.position):
             array.setflags(write=False)
+        if not self.axes and self.position.ndim == 2:
+            object.__setattr__(self, "axes", DEFAULT_AXES[: self.position.shape[1]])
+
+    def columns(self) -> Mapping[str, NDArray[Any]]:
+        """Return the columns of the table of samples, one row a period, by the names they have there."""
+        return {"t_s": self.t, "u": self.u, **_axis_columns(self.axes, self.position)}
+
+    def __len__(self) -> int:
+        """Number of samples."""
+        return self.t.size
+
+    def __repr__(self) -> str:
+        return (
+            f"Samples: {self.t.size}, one every {1e3 * self.period:g} ms until {float(self.t[-1]):.6g} s, of "
+            f"{' '.join(self.axes)}\n    feed {self.start_feed:g} mm/s at the first, {self.end_feed:g} mm/s at the last"
+        )
+
+
+def _axis_columns(axes: tuple[str, ...], position: FloatArray) -> dict[str, FloatArray]:
+    """Columns of the machine axes, by name and unit."""
+    return {f"{axis}_{'rad' if axis in ROTARY_AXES else 'mm'}": position[:, j] for j, axis in enumerate(axes)}
 
 
 def along_tip(

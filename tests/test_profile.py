@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import html
+import sys
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from planner import FeedrateProfile, InputError, Limits, load_curve
+from planner import FeedrateProfile, InputError, Limits, check, load_curve, write_table
 from planner.geometry.curve import Curve
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
 from planner.law import TimeLaw
+from planner.output.table import write_samples
 from planner.profile import Samples, make_profile
 
 LINE = NurbsCurve([[0.0, 0.0], [40.0, 30.0]], [0, 0, 50, 50], 1)
@@ -172,3 +179,56 @@ def test_a_plan_is_called_like_a_function() -> None:
     assert all(np.array_equal(getattr(called, name), getattr(at, name)) for name in vars(at))
     assert called.feed.shape == (7, 1)
     assert float(profile(0.5).u) == float(profile.at(0.5).u)
+
+
+def plan_of_two_axes() -> FeedrateProfile:
+    return make_profile(LINE, limits_with(), law_of(1.0, -2.0, 3.0), method="given", lower_bound=0.5)
+
+
+def test_a_plan_and_samples_are_tables_with_the_columns_of_their_files(tmp_path: Path) -> None:
+    """To pandas as to a loop: one row a node, or a sample, under the names that the files give them."""
+    pd = pytest.importorskip("pandas")
+    profile = plan_of_two_axes()
+    samples = Samples(0.5, np.array([0.0, 0.5, 1.0]), np.array([0.0, 25.0, 50.0]), np.arange(6.0).reshape(3, 2))
+    write_table(tmp_path / "t.csv", profile, limits_with())
+    write_samples(tmp_path / "s.csv", LINE, samples, check(LINE, limits_with(), samples))
+    for table, name in ((profile, "t.csv"), (samples, "s.csv")):
+        file = pd.read_csv(tmp_path / name, comment="#")
+        for frame in (table.to_frame(), pd.DataFrame(table)):
+            pd.testing.assert_frame_equal(frame, file, check_dtype=False, rtol=1e-12, atol=0.0)
+            assert len(frame) == len(table)
+    assert [row.binding for row in profile] == [profile.limit_names[k] for k in profile.binding]
+
+
+def test_columns_are_made_a_frame_where_pandas_is_and_a_dict_where_it_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    profile, asked = plan_of_two_axes(), []
+    monkeypatch.setitem(
+        sys.modules, "pandas", SimpleNamespace(DataFrame=lambda columns: asked.append(columns) or "frame")
+    )
+    assert profile.to_frame() == "frame"
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    plain = profile.to_frame()
+    assert type(plain) is dict
+    assert list(plain) == list(asked[0])
+    assert plain["X_mm"] == pytest.approx(0.8 * profile.u, rel=1e-12)
+    assert np.array_equal(plain["feed_mm_s"], profile.feed)
+
+
+def test_a_plan_and_samples_are_shown_in_two_lines() -> None:
+    profile = plan_of_two_axes()
+    nasty = NurbsCurve([[0.0, 0.0], [40.0, 30.0]], [0, 0, 50, 50], 1, name="<b>" * 300)
+    long = replace(profile, curve=nasty, method="m" * 500, notes=("a note",) * 9)
+    samples = Samples(1e-3, 1e-3 * np.arange(1000), np.linspace(0.0, 50.0, 1000), np.zeros((1000, 2)))
+    for shown in (profile, replace(profile, lower_bound=np.nan), samples):
+        lines = repr(shown).splitlines()
+        assert len(lines) == 2
+        assert all(len(line) <= 100 for line in lines)
+        assert html.escape(lines[0]) in shown._repr_html_()
+    assert len(repr(long).splitlines()) == 2
+    assert "<b>" not in long._repr_html_()
+    assert repr(profile) == (
+        "FeedrateProfile of nurbs: 1 s, 21 nodes, method given, feasible\n"
+        "    lower bound 0.5 s, computed with the plan; 0 notes"
+    )
+    assert "lower bound there is none" not in repr(replace(profile, lower_bound=np.nan))
+    assert repr(samples).startswith("Samples: 1000, one every 1 ms until 0.999 s, of X Y\n")

@@ -289,4 +289,4 @@ def _run(curve: Curve, shape: FloatArray, period: float, order: int, count: int)
     reached, u[-1] = float(u[-1]), end
     position[[0, -1]] = curve.derivatives(np.array(curve.domain), 0)[0]
     t = period * np.arange(count + 1, dtype=np.float64)
-    return ShapedRun(Samples(period, t, u, position), feed, acceleration, reached)
+    return ShapedRun(Samples(period, t, u, position, axes=curve.axes), feed, acceleration, reached)

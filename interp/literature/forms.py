@@ -137,7 +137,7 @@ def replay_form(curve: Curve, profile: FeedrateProfile, form: FormName, period: 
         )
     ends = profile.feed[[0, -1]]
     t = step * np.arange(count, dtype=np.float64)
-    return Samples(step, t, u[:count].copy(), position[:count].copy(), float(ends[0]), float(ends[1]))
+    return Samples(step, t, u[:count].copy(), position[:count].copy(), float(ends[0]), float(ends[1]), curve.axes)
 
 
 def prepare(profile: FeedrateProfile, form: FormName, period: float) -> Replayer:

@@ -553,7 +553,7 @@ def _samples(job: _Job, share: FloatArray, end_feed: float) -> Samples:
     u = np.clip(u0 + (u1 - u0) * share, u0, u1)
     u[-1] = u1
     times = job.limits.period * np.arange(u.size, dtype=np.float64)
-    return Samples(job.limits.period, times, u, job.curve.derivatives(u, 0)[0], end_feed, end_feed)
+    return Samples(job.limits.period, times, u, job.curve.derivatives(u, 0)[0], end_feed, end_feed, job.curve.axes)
 
 
 def _feeds(

@@ -218,6 +218,7 @@ def interpolate_adaptive(
             position,
             float(feed[0]),
             float(feed[-1]),
+            curve.axes,
         )
         return AdaptiveRun(samples, feed.copy(), u.copy(), feed, feed.copy(), lengths, 0.0)
     square = feed**2
@@ -232,7 +233,7 @@ def interpolate_adaptive(
     samples_u, samples_feed, position = _samples(curve, limits, pieces, (u, square, lengths), rule, order)
     t = limits.period * np.arange(samples_u.size, dtype=np.float64)
     ends = float(samples_feed[0]) if limits.start_feed > 0.0 else 0.0
-    samples = Samples(limits.period, t, samples_u, position, ends, 0.0)
+    samples = Samples(limits.period, t, samples_u, position, ends, 0.0, curve.axes)
     return AdaptiveRun(samples, samples_feed, u, feed, np.sqrt(square), lengths, looked)
 
 

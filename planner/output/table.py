@@ -102,11 +102,7 @@ def write_table(path: str | Path, profile: FeedrateProfile, limits: Limits, *, r
     curve = profile.curve
     limits = require_limits(curve, limits)
     report = check(curve, limits, profile) if report is None else report
-    positions = curve.derivatives(profile.u, 0)[0]
-    columns: dict[str, NDArray[Any]] = {"t_s": profile.t, "u": profile.u, "s_mm": profile.s}
-    columns |= {name: positions[:, j] for j, name in enumerate(_axis_columns(curve))}
-    columns |= {name: getattr(profile, field) for name, field in _ALONG.items()}
-    columns |= {"binding": profile.binding, "u_rate": profile.u_rate, "u_acceleration": profile.u_acceleration}
+    columns = {**profile.columns(), "binding": profile.binding}
     header = {
         "format": _PLAN_FORMAT,
         "units": _UNITS,
