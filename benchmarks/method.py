@@ -32,6 +32,7 @@ from planner.plan.bounds import certify, section_bound
 from planner.plan.dual.method import best_multipliers
 from planner.plan.dual.problem import Pace, best_splines, problem_of
 from planner.plan.dual.terms import Track
+from planner.plan.ends import REST, Feed
 from planner.plan.knots import place_knots, scan, with_blends
 from planner.plan.rows import Constraints, build
 from planner.plan.section import BLEND_LENGTH, Section, cut
@@ -73,7 +74,7 @@ def case(name: str, intervals: int = INTERVALS, *, width: float = 1.0) -> Case:
 
 def prepared(name: str, curve: Curve, limits: Limits, intervals: int = INTERVALS, *, width: float = 1.0) -> Case:
     """Prepare a path from rest to rest without stops inside."""
-    (section,) = cut(curve, limits, 0.0, 0.0, exact_stop=False)
+    (section,) = cut(curve, limits, exact_stop=False)
     guess = scan(section, limits, intervals)
     section = with_blends(section, guess)
     section = replace(section, blend_start=width * section.blend_start, blend_end=width * section.blend_end)
@@ -130,7 +131,7 @@ def start_in_y(intervals: int) -> Spline:
 def start_in_sigma(intervals: int) -> Spline:
     """Spline of x = sigma_dot^2 over sigma, as many knots; jerk = (y''' x + 3 y'' a + y' c) sqrt(x)."""
     # The rest map of a path of length 1; the curve itself is not looked at.
-    blend = Section(load_curve("circle"), 0.0, 1.0, None, 1.0, None, blend_start=_BLEND_SHARE / BLEND_LENGTH)
+    blend = Section(load_curve("circle"), 0.0, 1.0, REST, Feed(1.0), None, blend_start=_BLEND_SHARE / BLEND_LENGTH)
     knots = np.linspace(0.0, blend.span, intervals + 1)
     y, slope, _, _ = blend.rest_map(knots)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -55,7 +55,7 @@ _LARGEST_TOTAL, _LARGEST_MEMORY = 45.0, 2.5  # s, GB
 
 def problem_of(curve: Curve, limits: Limits, intervals: int) -> Any:
     """The arrays that a solver sees, on the grid of the given size."""
-    (section,) = cut(curve, limits, 0.0, 0.0, exact_stop=False)
+    (section,) = cut(curve, limits, exact_stop=False)
     guess = scan(section, limits, intervals)
     section = with_blends(section, guess)
     return build(section, limits, place_knots(section, guess, intervals), guess)[0]

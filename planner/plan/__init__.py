@@ -22,6 +22,7 @@ from planner.origin import Origin
 from planner.plan.bounds import section_bound
 from planner.plan.chord_errors import slowed_for_chords
 from planner.plan.dual.problem import Pace
+from planner.plan.ends import FREE, end_with, feed_at
 from planner.plan.guard import explained, require_law
 from planner.plan.refine import (
     ALMOST_MET,
@@ -109,10 +110,10 @@ def plan_feedrate(
     began = time.perf_counter()
     limits = require_limits(curve, limits)
     _validate(curve, limits, method, start_feed, end_feed, periodic, budget, intervals)
-    sections = cut(curve, limits, start_feed, end_feed, exact_stop=exact_stop, periodic=periodic)
     if start_acceleration is not None:
         _require_continued(curve, limits, start_feed, start_acceleration, method)
-        sections[0] = replace(sections[0], start_acceleration=start_acceleration)
+    start, end = (FREE, FREE) if periodic else (end_with(start_feed, start_acceleration), end_with(end_feed))
+    sections = cut(curve, limits, start, end, exact_stop=exact_stop)
     if reserve:
         begins = [u for u, _ in reserve]
         if begins != sorted(begins) or not all(0.0 <= share < 1.0 for _, share in reserve):
@@ -260,7 +261,7 @@ def _plan_section(
     if method == "scurve":
         from planner.plan.solvers.scurve import plan_section
 
-        feeds = (section.start_feed or 0.0, section.end_feed or 0.0)
+        feeds = (feed_at(section.start), feed_at(section.end))
         law = TimeLaw(*plan_section(section.curve, limits, section.u_start, section.u_end, *feeds))
         return SectionPlan(law, np.nan, Status.FEASIBLE, Work(intervals=law.t.size - 1))
     if method != "toppra" and not limits.has_jerk:

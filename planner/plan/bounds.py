@@ -19,6 +19,7 @@ from planner.machine.limits import Limits, require_limits
 from planner.plan.dual.problem import ROUNDS, Pace, best_splines
 from planner.plan.dual.terms import Multiplied, Track
 from planner.plan.dual.value import Splines
+from planner.plan.ends import FREE, Feed, end_with, feed_at
 from planner.plan.knots import place_knots, scan, with_blends
 from planner.plan.section import Section, sections_between
 from planner.profile import FeedrateProfile
@@ -93,8 +94,8 @@ def certify(curve: Curve, limits: Limits, profile: FeedrateProfile, *, intervals
         raise InputError(f"intervals = {intervals!r} must lie within [{_MIN_INTERVALS}, {_MAX_INTERVALS}]")
     periodic = _is_periodic(curve, profile)
     stops = _stops(profile)
-    feeds = (np.nan, np.nan) if periodic else (float(profile.feed[0]), float(profile.feed[-1]))
-    sections = sections_between(curve, limits, stops, *feeds, periodic=periodic)
+    start, end = (FREE, FREE) if periodic else (end_with(float(feed)) for feed in profile.feed[[0, -1]])
+    sections = sections_between(curve, limits, stops, start, end)
     lengths = np.diff([0.0, *np.interp([s.u_end for s in sections], profile.u, profile.t)])
     shares = np.maximum(_MIN_INTERVALS, np.rint(intervals * lengths / profile.duration)).astype(int)
     found = [
@@ -184,14 +185,15 @@ def _is_periodic(curve: Curve, profile: FeedrateProfile) -> bool:
 
 def _as_data(splines: Splines) -> CertificateSection:
     track, section = splines.track, splines.track.section
+    acceleration = section.start.acceleration if isinstance(section.start, Feed) else None
     return CertificateSection(
         track.sigma,
         track.u,
         splines.jerk,
         splines.acceleration,
-        section.start_feed or 0.0,
-        section.end_feed or 0.0,
-        section.start_acceleration,
+        feed_at(section.start),
+        feed_at(section.end),
+        np.nan if acceleration is None else acceleration,
     )
 
 

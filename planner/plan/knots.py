@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from planner.errors import CurveError, InfeasibleError
 from planner.geometry.differential import arc_derivatives, curvature, dot
 from planner.machine.limits import Limits, chord_feed_limit, commanded_feed
+from planner.plan.ends import Feed, Rest, feed_at
 from planner.plan.section import BLEND_LENGTH, Section, axis_weights, evaluate
 from planner.plan.slow import resolved
 from planner.types import FloatArray
@@ -211,9 +212,9 @@ def _require_digits(section: Section, guess: Scan) -> None:
 def _dips(section: Section, limits: Limits, weights: FloatArray) -> Dips:
     """Feeds (weighted) at which the curvature jumps of a section may be passed, one by one, and those at its ends."""
     curve = section.curve
-    ends = [(u, feed) for u, feed in ((section.u_start, section.start_feed), (section.u_end, section.end_feed)) if feed]
-    ends = [(u, feed) for u, feed in ends if np.isfinite(feed)]
-    u = np.array([*(b.u for b in section.jumps), *(u for u, _ in ends)])
+    ends = ((section.u_start, section.start), (section.u_end, section.end))
+    feeds = [(u, end.feed) for u, end in ends if isinstance(end, Feed)]
+    u = np.array([*(b.u for b in section.jumps), *(u for u, _ in feeds)])
     sides = [curve.derivatives(u, 3, side=side) for side in ("left", "right")]
     for d in sides:
         d[1:] *= weights
@@ -221,7 +222,7 @@ def _dips(section: Section, limits: Limits, weights: FloatArray) -> Dips:
     jerks = weights * limits.jerk
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         feed = np.sqrt(np.fmin.reduce(STEP_SHARE * limits.period * jerks / np.abs(after[2] - before[2]), axis=1))
-        for i, (at, prescribed) in enumerate(ends, start=len(section.jumps)):
+        for i, (at, prescribed) in enumerate(feeds, start=len(section.jumps)):
             tip = np.sqrt(np.sum(curve.tip.derivatives(at, 1)[1] ** 2))
             feed[i] = prescribed / tip * np.sqrt(np.sum(sides[0][1, i] ** 2))
         width = feed**1.5 / (_SCAN_JERK * np.sqrt(np.fmin.reduce(jerks / np.abs(after[1]), axis=1)))
@@ -302,8 +303,8 @@ def _reachable(
     Under an acceleration A alone v^2 grows by 2A a unit of length; under a jerk J alone v^1.5 by 2.12 sqrt(J).
     """
     feed = ceiling.copy()
-    for index, prescribed in ((0, section.start_feed), (-1, section.end_feed)):
-        at_end = 0.0 if prescribed is None else prescribed * per_tip_feed[index]
+    for index, end in ((0, section.start), (-1, section.end)):
+        at_end = end.feed * per_tip_feed[index] if isinstance(end, Feed) else feed_at(end)
         feed[index] = min(feed[index], at_end) if np.isfinite(at_end) else feed[index]
     # Powers are taken of shares of the largest feed: the same numbers in any units.
     top = float(feed[np.isfinite(feed)].max(initial=0.0)) or 1.0
@@ -328,8 +329,8 @@ def _reachable(
 def with_blends(section: Section, guess: Scan) -> Section:
     """Give a section the widths of its rest map: v (v/A + A/J) / 2 at each stop, shrunk until both fit."""
     widths = []
-    for at, rests in ((0, section.start_feed is None), (-1, section.end_feed is None)):
-        if not rests:
+    for at, end in ((0, section.start), (-1, section.end)):
+        if not isinstance(end, Rest):
             widths.append(0.0)
             continue
         distance = guess.length if at == 0 else guess.length[-1] - guess.length

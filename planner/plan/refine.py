@@ -30,6 +30,7 @@ from planner.machine.limits import Limits
 from planner.plan.bounds import section_bound
 from planner.plan.chord_errors import MET_CHORD, chord_shares
 from planner.plan.dual.problem import Pace
+from planner.plan.ends import Rest, feed_at
 from planner.plan.guard import require_finite
 from planner.plan.knots import place_knots, resolvable, scan, with_blends
 from planner.plan.rows import Parameter
@@ -347,7 +348,7 @@ def _require_met(task: Task, best: Round) -> None:
 def not_met(section: Section, slowdown: float) -> str:
     """Say that a plan with prescribed feeds exceeds its limits."""
     return (
-        f"the plan from start_feed = {section.start_feed or 0.0:g} to end_feed = {section.end_feed or 0.0:g} mm/s "
+        f"the plan from start_feed = {feed_at(section.start):g} to end_feed = {feed_at(section.end):g} mm/s "
         f"between u = {section.u_start:.9g} and {section.u_end:.9g} still exceeds its limits, {slowdown:.9g} times as "
         "fast as allowed; try other feeds or more intervals"
     )
@@ -357,8 +358,8 @@ def _apart_from_stops(section: Section, law: TimeLaw) -> NDArray[np.intp]:
     """Nodes that are not a stop but for rounding: who reads a table takes what is so close to a stop for the stop."""
     inside = np.ones(law.t.size, dtype=np.bool_)
     least = _ON_STOP * (section.curve.domain[1] - section.curve.domain[0])
-    if section.start_feed is None:
+    if isinstance(section.start, Rest):
         inside[1:-1] &= law.u[1:-1] - section.u_start > least
-    if section.end_feed is None:
+    if isinstance(section.end, Rest):
         inside[1:-1] &= section.u_end - law.u[1:-1] > least
     return np.flatnonzero(inside)

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from planner.geometry.differential import acceleration_terms, chain_rule, jerk_terms, speed_derivatives
 from planner.machine.limits import Limits, chord_feed_limit, commanded_feed
+from planner.plan.ends import Feed
 from planner.plan.knots import STEP_SHARE, Grid, Scan
 from planner.plan.section import Section, axis_weights, evaluate
 from planner.types import FloatArray
@@ -173,15 +174,13 @@ def build(
     weight[2::2] += h / 6.0
     per_x = (scale / tau) ** 2
     start, end = (
-        np.nan if feed is None or periodic else (feed / path.tip[1, at]) ** 2 / per_x
-        for feed, at in ((section.start_feed, 0), (section.end_feed, -1))
+        (end.feed / path.tip[1, at]) ** 2 / per_x if isinstance(end, Feed) else np.nan
+        for end, at in ((section.start, 0), (section.end, -1))
     )
     # s'' = s_sigma_sigma x + s_sigma a
-    slope = (
-        (section.start_acceleration - path.tip[2, 0] * start * per_x) / path.tip[1, 0]
-        if not np.isnan(start)
-        else np.nan
-    )
+    slope = np.nan
+    if isinstance(section.start, Feed) and section.start.acceleration is not None:
+        slope = (section.start.acceleration - path.tip[2, 0] * start * per_x) / path.tip[1, 0]
     # x = per_x x*, a = per_x / scale a*, c = per_x / scale^2 c*; the time derivative of order k scales by tau^-k
     units_a = np.array([per_x, per_x / scale])[None, :, None]
     units_j = np.array([per_x, per_x / scale, per_x / scale**2])[None, :, None] * (scale / tau)

@@ -31,6 +31,7 @@ from planner.geometry.arclength import ArcLength
 from planner.geometry.curve import Break, Curve
 from planner.geometry.differential import chain_rule, inverse_derivatives, speed_derivatives
 from planner.machine.limits import Limits
+from planner.plan.ends import REST, End, Feed, Free
 from planner.plan.stops import tight_bends
 from planner.types import FloatArray
 
@@ -60,14 +61,12 @@ class Section:
     curve : Curve
     u_start, u_end : float
         Curve parameters of the ends.
-    start_feed, end_feed : float or None
-        Tip feed prescribed there, mm/s; None for an exact stop, nan where it is free (a periodic path).
+    start, end : Rest, Feed or Free
+        What is asked for there.
     arc : ArcLength or None
         Weighted arc length where that is the coordinate y; None where y is the curve parameter.
     blend_start, blend_end : float
         Widths of the rest map in y; 0 at an end that has a feed.
-    start_acceleration : float
-        Tangential acceleration of the tip prescribed at a start with a feed, mm/s^2; nan where it is free.
     jumps : tuple of Break
         Curvature jumps inside, to be passed at a feed that keeps the samples' jerk within its limit.
     bend : float
@@ -79,12 +78,11 @@ class Section:
     curve: Curve
     u_start: float
     u_end: float
-    start_feed: float | None
-    end_feed: float | None
+    start: End
+    end: End
     arc: ArcLength | None
     blend_start: float = 0.0
     blend_end: float = 0.0
-    start_acceleration: float = np.nan
     jumps: tuple[Break, ...] = ()
     bend: float = 0.0
     reserve: tuple[tuple[float, float], ...] = ()
@@ -92,7 +90,7 @@ class Section:
     @property
     def has_prescribed_feed(self) -> bool:
         """A feed is prescribed at one of the ends."""
-        return any(feed is not None and np.isfinite(feed) for feed in (self.start_feed, self.end_feed))
+        return isinstance(self.start, Feed) or isinstance(self.end, Feed)
 
     @property
     def y_start(self) -> float:
@@ -239,11 +237,10 @@ def axis_weights(limits: Limits) -> FloatArray:
 def cut(
     curve: Curve,
     limits: Limits,
-    start_feed: float,
-    end_feed: float,
+    start: End = REST,
+    end: End = REST,
     *,
     exact_stop: bool,
-    periodic: bool = False,
     fillets: bool = True,
 ) -> list[Section]:
     """Cut a path at its corners and at bends as tight as corners to this machine (``exact_stop``: at curvature jumps too).
@@ -257,19 +254,17 @@ def cut(
     """
     weights = axis_weights(limits)
     stops = {b.u: 0.0 for b in curve.breaks if b.geometric == 0 or (exact_stop and b.geometric == 1)}
-    if not periodic:
+    if not isinstance(start, Free):
         stops |= {bend.u: bend.radius for bend in tight_bends(curve, limits, weights, hidden=fillets)}
-    return sections_between(curve, limits, stops, start_feed, end_feed, periodic=periodic)
+    return sections_between(curve, limits, stops, start, end)
 
 
 def sections_between(
     curve: Curve,
     limits: Limits,
     stops: Mapping[float, float],
-    start_feed: float,
-    end_feed: float,
-    *,
-    periodic: bool = False,
+    start: End,
+    end: End,
 ) -> list[Section]:
     """Cut a path at the given parameters, each with the radius of a bend whose tip it is, or 0."""
     weights = axis_weights(limits)
@@ -278,17 +273,15 @@ def sections_between(
     sections = []
     for i, (u0, u1) in enumerate(pairwise([curve.domain[0], *sorted(stops), curve.domain[1]])):
         inside = curve.breaks[np.searchsorted(breaks, u0, side="right") : np.searchsorted(breaks, u1)]
-        smooth = all(b.parametric >= 2 for b in inside) and not (periodic and _seam_jumps(curve))
+        smooth = all(b.parametric >= 2 for b in inside) and not (isinstance(start, Free) and _seam_jumps(curve))
         if not smooth and arc is None:
             arc = weighted_arclength(curve, weights)
-        entry = (np.nan if periodic else start_feed) if i == 0 else 0.0
-        leave = (np.nan if periodic else end_feed) if i == len(stops) else 0.0
         section = Section(
             curve,
             u0,
             u1,
-            None if entry == 0.0 else entry,
-            None if leave == 0.0 else leave,
+            start if i == 0 else REST,
+            end if i == len(stops) else REST,
             None if smooth else arc,
             jumps=tuple(b for b in inside if b.geometric == 1),
             bend=stops.get(u0, 0.0),

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from planner.errors import InfeasibleError, SolverError
 from planner.machine.limits import Limits, command_kind
+from planner.plan.ends import Feed, feed_at
 from planner.plan.knots import Grid, Scan, least_times, split
 from planner.plan.rows import Constraints, Parameter, build
 from planner.plan.section import Section
@@ -307,11 +308,11 @@ def _not_found(section: Section, error: SolverError) -> str:
 
 def _not_attainable(section: Section, error: SolverError) -> str:
     length = float(np.diff(section.curve.arclength.s([section.u_start, section.u_end]))[0])
-    given = section.start_acceleration
-    continued = "" if np.isnan(given) else f", start_acceleration = {given:g} mm/s^2,"
+    given = section.start.acceleration if isinstance(section.start, Feed) else None
+    continued = "" if given is None else f", start_acceleration = {given:g} mm/s^2,"
     return (
-        f"no plan found from start_feed = {section.start_feed or 0.0:g}{continued} to end_feed = "
-        f"{section.end_feed or 0.0:g} mm/s between u = {section.u_start:.6g} and {section.u_end:.6g} (length {length:.6g} "
+        f"no plan found from start_feed = {feed_at(section.start):g}{continued} to end_feed = "
+        f"{feed_at(section.end):g} mm/s between u = {section.u_start:.6g} and {section.u_end:.6g} (length {length:.6g} "
         f"mm): {error}; a prescribed feed must be attainable under the limits, lower it"
     )
 

@@ -29,6 +29,7 @@ from planner.output.table import read_table, write_table
 from planner.plan import bounds
 from planner.plan.bounds import Bound, section_bound, statement
 from planner.plan.dual.problem import Pace
+from planner.plan.ends import REST
 from planner.plan.knots import scan
 from planner.plan.section import cut
 from planner.programs.path.path import program_path
@@ -211,7 +212,7 @@ def test_caps_alone_bound_where_nothing_else_is_known():
     """A circle at a feed far below what axes allow: the bound is length over feed."""
     curve = load_curve("circle")
     limits = Limits(1.0, [250.0] * 2, [1e6] * 2, [1e9] * 2)
-    (section,) = cut(curve, limits, 0.0, 0.0, exact_stop=False)
+    (section,) = cut(curve, limits, exact_stop=False)
     guess = scan(section, limits, 1000)
     assert section_bound(section, limits, 1000, Pace(guess.u, guess.time)) == pytest.approx(curve.length, rel=1e-3)
 
@@ -344,7 +345,7 @@ def test_a_bound_may_exceed_a_plan_by_what_its_check_grants(monkeypatch, above, 
     curve, limits = load_curve("circle"), load_limits("mill").for_curve(load_curve("circle"))
     profile = plan_feedrate(curve, limits, intervals=100)
     _, splines = bounds._certified(
-        bounds.sections_between(curve, limits, {}, 0.0, 0.0, periodic=False)[0],
+        bounds.sections_between(curve, limits, {}, REST, REST)[0],
         limits,
         100,
         Pace(profile.u, profile.t),

@@ -231,7 +231,7 @@ def test_an_axis_that_has_no_limits_leaves_the_guess_to_the_other(limited):
 
 def test_a_path_that_nothing_limits_is_refused():
     limits = Limits(np.inf, [np.inf] * 2, [np.inf] * 2, [np.inf] * 2)
-    (section,) = cut(line(10.0), limits, 0.0, 0.0, exact_stop=False)
+    (section,) = cut(line(10.0), limits, exact_stop=False)
     with pytest.raises(InfeasibleError, match="nothing limits the feed between u = 0 and 1"):
         scan(section, limits, 100)
 
@@ -251,7 +251,7 @@ def test_growth_is_limited_from_every_neighbour(seed):
 def test_a_feed_is_left_where_the_parameter_hardly_moves_the_path():
     """Beside a near-cusp differences of the path's length are nothing but rounding, and the feed must not vanish."""
     curve, limits = load_curve(CURVES / "seed36.json"), load_limits(CURVES / "seed36.toml")
-    sections = cut(curve, limits, 0.0, 0.0, exact_stop=False)
+    sections = cut(curve, limits, exact_stop=False)
     assert sections
     for section in sections:
         assert np.isfinite(scan(section, limits, 1000).duration)

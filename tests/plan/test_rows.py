@@ -377,7 +377,7 @@ def test_jumps_closer_than_a_few_periods_share_the_jerk():
 def test_path_at_reads_a_break_from_the_side_asked_for():
     curve = line_arc_line()
     limits = DRIVES
-    (section,) = cut(curve, limits, 0.0, 0.0, exact_stop=False)
+    (section,) = cut(curve, limits, exact_stop=False)
     sigma = section.sigma(section.coordinate(np.array([1.0, 1.0])))
     path = path_at(section, limits, sigma, np.array([1.0, 1.0]), np.array([True, False]))
     assert path.curvature == pytest.approx([0.0, 0.1], abs=1e-12)

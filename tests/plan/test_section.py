@@ -14,6 +14,7 @@ from planner import load_curve
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
 from planner.machine.limits import Limits
+from planner.plan.ends import FREE, REST, Feed
 from planner.plan.section import Section, axis_weights, cut, evaluate, weighted_arclength
 
 ROTARY = Limits(100.0, [250, 250, 2], [1000, 1000, 10], [20000, 20000, 200], axes=["X", "Y", "A"])
@@ -26,7 +27,7 @@ def slope(r):
 
 def section_of(curve, blend_start=0.0, blend_end=0.0, limits=MILL, stops=(True, True)):
     arc = None if all(b.parametric >= 2 for b in curve.breaks) else weighted_arclength(curve, axis_weights(limits))
-    feeds = (None if rests else 10.0 for rests in stops)
+    feeds = (REST if rests else Feed(10.0) for rests in stops)
     return Section(curve, *curve.domain, *feeds, arc, blend_start, blend_end)
 
 
@@ -171,13 +172,13 @@ def test_derivatives_of_the_parameter_with_respect_to_sigma(seed, share):
 
 
 def test_a_path_stops_at_its_corners():
-    sections = cut(polyline([[0, 0], [10, 0], [10, 10], [0, 10], [0, 0]]), MILL, 0.0, 0.0, exact_stop=False)
+    sections = cut(polyline([[0, 0], [10, 0], [10, 10], [0, 10], [0, 0]]), MILL, exact_stop=False)
     assert [(s.u_start, s.u_end) for s in sections] == [(0, 1), (1, 2), (2, 3), (3, 4)]
-    assert all(s.start_feed is None and s.end_feed is None and s.arc is None for s in sections)
+    assert all(s.start == s.end == REST and s.arc is None for s in sections)
 
 
 def test_points_on_a_straight_line_are_no_corners():
-    sections = cut(polyline([[0, 0], [1, 1], [4, 4], [10, 10]]), MILL, 0.0, 0.0, exact_stop=False)
+    sections = cut(polyline([[0, 0], [1, 1], [4, 4], [10, 10]]), MILL, exact_stop=False)
     assert len(sections) == 1
     assert sections[0].arc is not None
     assert sections[0].jumps == ()
@@ -185,25 +186,24 @@ def test_points_on_a_straight_line_are_no_corners():
 
 def test_curvature_jumps_are_passed_or_become_stops():
     curve = line_arc_line()
-    (passing,) = cut(curve, MILL, 0.0, 0.0, exact_stop=False)
+    (passing,) = cut(curve, MILL, exact_stop=False)
     assert [b.u for b in passing.jumps] == [1.0, 2.0]
     assert passing.arc is not None
-    sections = cut(curve, MILL, 0.0, 0.0, exact_stop=True)
+    sections = cut(curve, MILL, exact_stop=True)
     assert [s.u_start for s in sections] == [0.0, 1.0, 2.0]
     assert not any(s.jumps for s in sections)
 
 
 def test_only_the_ends_of_the_path_have_a_feed():
     curve = polyline([[0, 0], [10, 0], [10, 10], [0, 10]])
-    sections = cut(curve, MILL, 30.0, 20.0, exact_stop=False)
-    assert [(s.start_feed, s.end_feed) for s in sections] == [(30.0, None), (None, None), (None, 20.0)]
+    sections = cut(curve, MILL, Feed(30.0), Feed(20.0), exact_stop=False)
+    assert [(s.start, s.end) for s in sections] == [(Feed(30.0), REST), (REST, REST), (REST, Feed(20.0))]
     assert [s.has_prescribed_feed for s in sections] == [True, False, True]
 
 
 def test_the_feed_at_the_seam_of_a_periodic_path_is_free():
-    (section,) = cut(load_curve("circle"), MILL, 0.0, 0.0, exact_stop=False, periodic=True)
-    assert np.isnan(section.start_feed)
-    assert np.isnan(section.end_feed)
+    (section,) = cut(load_curve("circle"), MILL, FREE, FREE, exact_stop=False)
+    assert section.start == section.end == FREE
     assert not section.has_prescribed_feed
 
 
@@ -211,9 +211,9 @@ def test_a_seam_that_only_the_parameter_jumps_at_is_run_by_arc_length():
     even = FormulaCurve({"X": "20*cos(2*pi*u)", "Y": "10*sin(2*pi*u)"}, (0.0, 1.0))
     uneven = FormulaCurve({"X": "20*cos(pi*(u+u**2))", "Y": "10*sin(pi*(u+u**2))"}, (0.0, 1.0))
     for curve, by_arc_length in ((even, False), (uneven, True)):
-        (section,) = cut(curve, MILL, 0.0, 0.0, exact_stop=False, periodic=True)
+        (section,) = cut(curve, MILL, FREE, FREE, exact_stop=False)
         assert (section.arc is not None) is by_arc_length
-        (section,) = cut(curve, MILL, 0.0, 0.0, exact_stop=False)
+        (section,) = cut(curve, MILL, exact_stop=False)
         assert section.arc is None
 
 
@@ -223,7 +223,7 @@ def test_the_coordinate_never_rests_while_an_axis_moves():
     # a doubled knot, at which the rotary axis' acceleration jumps, so that the section runs by arc length
     knots = [0, 0, 0, 0, *range(1, 5), 5, 5, *range(6, len(xy) - 4), *[len(xy) - 4] * 4]
     curve = NurbsCurve(points, knots, 3, axes=["X", "Y", "A"])
-    (section,) = cut(curve, ROTARY, 0.0, 0.0, exact_stop=False)
+    (section,) = cut(curve, ROTARY, exact_stop=False)
     assert section.arc is not None
     tip = curve.tip.arclength
     assert np.ptp(tip.s(np.linspace(4.2, 4.8, 5))) == 0.0

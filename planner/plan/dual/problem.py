@@ -13,6 +13,7 @@ import numpy as np
 from planner.plan.dual.method import Problem, best_multipliers
 from planner.plan.dual.terms import RULE_NODES, RULE_WEIGHTS, IntArray, Multiplied, Points, Track, jump_cap
 from planner.plan.dual.value import Splines, normalised, seam_price, value
+from planner.plan.ends import Free, Rest
 from planner.plan.section import Section
 from planner.types import FloatArray
 
@@ -230,23 +231,23 @@ def _conditions(
     count = (track.sigma.size + 1) * width
     known, fixed = np.zeros(count), [np.empty(0, dtype=np.intp)]
     ends = []
-    for end, feed in ((0, section.start_feed), (1, section.end_feed)):
-        if feed is None:  # a rest says nothing: q' and q_dd vanish there
+    for end, asked in ((0, section.start), (1, section.end)):
+        if isinstance(asked, Rest):  # it says nothing: q' and q_dd vanish there
             continue
         k = track.full[[0 if end == 0 else -1]]
         rows, at = _pull_rows(track, of, units, k, end)
         begin = int(k[0]) * width
         ends.append((begin, rows[0], float(at.cap[0]) * (tau / length) ** 2))
-        if np.isnan(feed):
+        if isinstance(asked, Free):
             continue
-        x = (feed / at.first[-1, 0]) ** 2
+        x = (asked.feed / at.first[-1, 0]) ** 2
         sign = 2.0 * end - 1.0
         known[begin : begin + rows.shape[1]] += sign * rows[0] * x * (tau / length) ** 2
         outer = begin + 2 * end * width + np.arange(jerks)
-        if end == 1 or np.isnan(section.start_acceleration):
+        if asked.acceleration is None:
             fixed.append(outer)
             continue
-        slope = (section.start_acceleration - at.second[-1, 0] * x) / at.first[-1, 0]
+        slope = (asked.acceleration - at.second[-1, 0] * x) / at.first[-1, 0]
         reached = at.second[of.jerk, 0] * x + at.first[of.jerk, 0] * slope
         known[outer] += sign * reached / of.most_jerk / tau
     seam, row = np.zeros((0, count)), None

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from planner.geometry.curve import Curve
 from planner.geometry.differential import curvature, dot
 from planner.machine.limits import Limits, chord_feed_limit, commanded_feed
+from planner.plan.ends import Free, Rest
 from planner.plan.knots import Grid
 from planner.plan.rows import path_at
 from planner.plan.section import Section, axis_weights
@@ -223,15 +224,15 @@ class Track:
 
     def known_speed(self, end: int) -> FloatArray | None:
         """Speed of every motion at an end (K,): 0 at rest, by the feed, None where it is free."""
-        feed = self.section.start_feed if end == 0 else self.section.end_feed
+        asked = self.section.start if end == 0 else self.section.end
         motions = self.rise.shape[0]
-        if feed is None:
+        if isinstance(asked, Rest):
             return np.zeros(motions)
-        if np.isnan(feed):
+        if isinstance(asked, Free):
             return None
         k, r = (self.full[0], 0.0) if end == 0 else (self.full[-1], 1.0)
         first, _, _ = self._along(np.array([k]), np.array([r]), np.array([0.0 if end == 0 else np.inf]))
-        return np.asarray(np.abs(first[:, 0]) * feed / first[-1, 0])
+        return np.asarray(np.abs(first[:, 0]) * asked.feed / first[-1, 0])
 
     def _along(self, k: IntArray, r: FloatArray, gone: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Derivatives of the motions over u, and the cap of u_dot^2 by feed, chord error and velocities."""
@@ -286,8 +287,8 @@ class Track:
         after = self.u[0, :-1] >= jumps.max(initial=-np.inf)
         forward = _kept(low, high)
         backward = _kept(low[:, ::-1], high[:, ::-1])[:, ::-1]
-        ramps[0] = forward & before & (self.section.start_feed is None)
-        ramps[1] = backward & after & (self.section.end_feed is None)
+        ramps[0] = forward & before & isinstance(self.section.start, Rest)
+        ramps[1] = backward & after & isinstance(self.section.end, Rest)
         return replace(self, way=way, rise=rise, ramps=ramps)
 
     def _with_near(self) -> Track:

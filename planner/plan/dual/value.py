@@ -22,6 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.plan.dual.terms import RULE_NODES, STEP_SEEN, IntArray, Multiplied, Points, Track, jump_cap, largest_steps
+from planner.plan.ends import Feed
 from planner.types import FloatArray
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
@@ -264,16 +265,15 @@ def _spared(splines: Splines, jumps: IntArray) -> FloatArray:
 def _ends(splines: Splines) -> float:
     """Bracket 1/2 f q' x + l q_dd / J at ends with a feed: plus at the end, minus at the start."""
     section, total = splines.track.section, 0.0
-    for end, feed in ((0, section.start_feed), (1, section.end_feed)):
-        if feed is None or np.isnan(feed):
+    for end, asked in ((0, section.start), (1, section.end)):
+        if not isinstance(asked, Feed):
             continue
         side, sign = _sides(splines, splines.track.full[[0 if end == 0 else -1]], end), 2.0 * end - 1.0
-        x = (feed / side.at.first[-1, 0]) ** 2
+        x = (asked.feed / side.at.first[-1, 0]) ** 2
         total += sign * float(side.pull[0]) * x
-        acceleration = section.start_acceleration if end == 0 else np.nan
         slope = 0.0  # where it is not prescribed, l is 0
-        if not np.isnan(acceleration):
-            slope = (acceleration - side.at.second[-1, 0] * x) / side.at.first[-1, 0]
+        if asked.acceleration is not None:
+            slope = (asked.acceleration - side.at.second[-1, 0] * x) / side.at.first[-1, 0]
         total += sign * float(side.load[:, 0] @ (side.at.second[:, 0] * x + side.at.first[:, 0] * slope))
     return total
 

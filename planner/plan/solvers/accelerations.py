@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from planner.errors import InfeasibleError, SolverError
 from planner.law import TimeLaw
 from planner.machine.limits import COMMANDS, Limits, command_kind
+from planner.plan.ends import Feed, feed_at
 from planner.plan.knots import Grid, Scan, place_knots, scan, with_blends
 from planner.plan.rows import acceleration_rows, path_at, speed_limits
 from planner.plan.section import Section
@@ -88,8 +89,8 @@ class _Stage:
         rows = acceleration_rows(limits, path)
         speeds = np.minimum(speed_limits(limits, path) ** 2, (_FASTEST * mean) ** 2)
         ends = [
-            0.0 if feed is None else (feed / path.tip[1, k]) ** 2
-            for feed, k in ((section.start_feed, 0), (section.end_feed, -1))
+            (end.feed / path.tip[1, k]) ** 2 if isinstance(end, Feed) else feed_at(end)
+            for end, k in ((section.start, 0), (section.end, -1))
         ]
         return cls(
             y,
@@ -393,7 +394,7 @@ def _saved(stage: _Stage, limits: Limits, axes: tuple[str, ...], x: FloatArray) 
 def _not_joined(section: Section) -> str:
     length = float(np.diff(section.curve.arclength.s([section.u_start, section.u_end]))[0])
     return (
-        f"no plan from start_feed = {section.start_feed or 0.0:g} to end_feed = {section.end_feed or 0.0:g} mm/s between "
+        f"no plan from start_feed = {feed_at(section.start):g} to end_feed = {feed_at(section.end):g} mm/s between "
         f"u = {section.u_start:.6g} and {section.u_end:.6g} (length {length:.6g} mm) keeps the acceleration limits; lower "
         "the higher feed"
     )

@@ -15,6 +15,7 @@ import numpy as np
 from planner.errors import InfeasibleError, SolverError
 from planner.law import TimeLaw
 from planner.machine.limits import Limits
+from planner.plan.ends import Feed, feed_at
 from planner.plan.knots import place_knots, scan, with_blends
 from planner.plan.rows import acceleration_rows, path_at, speed_cap
 from planner.plan.section import Section
@@ -124,16 +125,16 @@ def _solve(section: Section, limits: Limits, sigma: FloatArray, u: FloatArray, u
 
     problem = algorithm.TOPPRA([GivenRows()], Interval(), gridpoints=gridpoints, solver_wrapper="seidel")
     ends = [
-        0.0 if feed is None or np.isnan(feed) else feed / points.tip[1, at] * unit / span
-        for feed, at in ((section.start_feed, 0), (section.end_feed, -1))
+        end.feed / points.tip[1, at] * unit / span if isinstance(end, Feed) else 0.0
+        for end, at in ((section.start, 0), (section.end, -1))
     ]
     problem.compute_parameterization(*ends)
     sd = problem.problem_data.sd_vec
     if sd is None or not np.isfinite(sd).all():
         if max(ends) > 0.0:
             raise InfeasibleError(
-                f"no plan between start_feed = {section.start_feed or 0.0:g} and end_feed = "
-                f"{section.end_feed or 0.0:g} mm/s keeps the acceleration limits: {problem.problem_data.return_code}"
+                f"no plan between start_feed = {feed_at(section.start):g} and end_feed = "
+                f"{feed_at(section.end):g} mm/s keeps the acceleration limits: {problem.problem_data.return_code}"
             )
         raise SolverError(f"toppra found no plan: {problem.problem_data.return_code.name}; the method optimal plans it")
     return np.asarray((sd * span / unit) ** 2)
