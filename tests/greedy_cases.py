@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from interp.literature.greedy import PUBLISHED_COUNTS
-from planner.geometry.catalog import load_curve
+from planner import load_curve
 from planner.geometry.nurbs import NurbsCurve
 from planner.machine.limits import Limits
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from planner import load_curve
 from planner.errors import CurveError, InputError
-from planner.geometry.catalog import load_curve
 from planner.inputs import (
     coordinates,
     numbers,

@@ -13,8 +13,8 @@ from greedy_cases import CURVES, CUSP, MADE, NAMES, REPAIRED, REST, greedy_limit
 
 from benchmarks import greedy as benchmark
 from interp import greedy
+from planner import load_curve
 from planner.errors import InputError, StalledError
-from planner.geometry.catalog import load_curve
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
 from planner.machine.limits import Limits

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from problems import NO_SHRINKING, SEEDS, duration, random_case
 from strategies import insert_knot
 
-from planner.geometry.catalog import load_curve
+from planner import load_curve
 from planner.geometry.nurbs import NurbsCurve
 from planner.machine.limits import Limits
 from planner.plan import plan_feedrate
