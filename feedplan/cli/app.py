@@ -6,10 +6,12 @@ heavier than typer loads before a command runs.
 
 from __future__ import annotations
 
+import json
 import signal
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from importlib import resources
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Annotated, NoReturn
@@ -58,20 +60,37 @@ app = typer.Typer(
     epilog=_EXAMPLES,
     rich_markup_mode=None,  # rich would double the time --help takes
     pretty_exceptions_enable=False,
-    add_completion=False,
     no_args_is_help=True,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
 
+def _curves(incomplete: str) -> list[str]:
+    """Complete the name of a curve; where none begins so, the shell completes the name of a file."""
+    text = resources.files("planner").joinpath("data", "curve_facts.json").read_text(encoding="utf-8")
+    return [name for name in json.loads(text) if name.startswith(incomplete)]
+
+
+def _machines(incomplete: str) -> list[str]:
+    """Complete the name of an example machine."""
+    found = (Path(entry.name).stem for entry in resources.files("planner").joinpath("data", "machines").iterdir())
+    return sorted(name for name in found if name.startswith(incomplete))
+
+
 CurveName = Annotated[
-    str, typer.Argument(metavar="CURVE", help="Name of a curve, or a file: .json, .toml, .dxf, .csv, .ngc.")
+    str,
+    typer.Argument(
+        metavar="CURVE",
+        help="Name of a curve, or a file: .json, .toml, .dxf, .csv, .ngc.",
+        autocompletion=_curves,
+    ),
 ]
 TableFile = Annotated[Path, typer.Argument(metavar="TABLE", help="Feedrate table, .csv or .npz.")]
 Scale = Annotated[float, typer.Option(help="Multiplies the linear axes of the curve.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the verdict as JSON and nothing else.")]
 Machine = Annotated[
-    str | None, typer.Option(metavar="FILE", help="Machine file, .toml or .ini, or an example machine.")
+    str | None,
+    typer.Option(metavar="FILE", help="Machine file, .toml or .ini, or an example machine.", autocompletion=_machines),
 ]
 
 Tolerance = Annotated[

@@ -42,7 +42,7 @@ def ngc(
     scale: Scale = 1.0,
     as_json: AsJson = False,
 ) -> None:
-    """Write the plan of a curve or a part program as a LinuxCNC program.
+    """Write a plan as a program for LinuxCNC.
 
     Short G1 blocks with a feed each.  Of the tolerance the path of a part program takes three quarters, the blocks and
     their blending by the controller the rest.  Spindle, tools, coolant, dwells and stops keep their places.  Exit code 1:

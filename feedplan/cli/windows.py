@@ -41,7 +41,7 @@ def windows(
     fresh: Annotated[bool, typer.Option("--fresh", help="Begin anew where an earlier run was interrupted.")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Plan a part program too long to be planned as a whole, window by window.
+    """Plan a part program of any length, window by window.
 
     Writes the table and, beside it, the seconds of every line.  Interrupted and started again, it goes on where it was.
     Exit code 1: the plan breaks a limit.
