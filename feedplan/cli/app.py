@@ -35,7 +35,7 @@ Time-optimal, jerk-limited feedrate plans for parametric tool paths.
 A CURVE is a name that "feedplan curves" lists, a .json, .toml, .dxf or .csv
 file, or a part program, .ngc.  A machine is a .toml file, the .ini of a
 LinuxCNC machine, or one of the examples "mill" and "five-axis".
-Lengths are in mm, angles in rad, times in s.
+Lengths are in mm, angles in rad, times in s.  "-" is standard input or output.
 """
 _EXAMPLES = """\
 \b
@@ -81,11 +81,13 @@ CurveName = Annotated[
     str,
     typer.Argument(
         metavar="CURVE",
-        help="Name of a curve, or a file: .json, .toml, .dxf, .csv, .ngc.",
+        help='Name of a curve, or a file: .json, .toml, .dxf, .csv, .ngc; "-" is standard input.',
         autocompletion=_curves,
     ),
 ]
-TableFile = Annotated[Path, typer.Argument(metavar="TABLE", help="Feedrate table, .csv or .npz.")]
+TableFile = Annotated[
+    Path, typer.Argument(metavar="TABLE", help='Feedrate table, .csv or .npz; "-" is standard input.')
+]
 Scale = Annotated[float, typer.Option(help="Multiplies the linear axes of the curve.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the verdict as JSON and nothing else.")]
 Machine = Annotated[
@@ -185,20 +187,20 @@ def notice(text: str) -> None:
     typer.echo(text, err=True)
 
 
-def report_verdict(verdict: Verdict, as_json: bool) -> None:
-    """Print the verdict and leave with its exit code."""
+def report_verdict(verdict: Verdict, as_json: bool, *, aside: bool = False) -> None:
+    """Print the verdict, on standard error if ``aside``, and leave with its exit code."""
     from feedplan.verdict import to_json, to_text
 
     if as_json:
-        typer.echo(to_json(verdict))
+        typer.echo(to_json(verdict), err=aside)
     else:
-        show(to_text(verdict))
+        show(to_text(verdict), aside=aside)
     if not verdict.ok:
         raise typer.Exit(BROKEN)
 
 
-def show(text: RenderableType) -> None:
-    """Print on standard output, nothing highlighted."""
+def show(text: RenderableType, *, aside: bool = False) -> None:
+    """Print on standard output, or on standard error if ``aside``, nothing highlighted."""
     from rich.console import Console
 
-    Console(highlight=False, markup=False, emoji=False).print(text)
+    Console(highlight=False, markup=False, emoji=False, stderr=aside).print(text)

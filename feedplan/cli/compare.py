@@ -25,6 +25,7 @@ from feedplan.cli.app import (
     require_apart,
     require_outputs,
 )
+from feedplan.cli.streams import Streams
 from feedplan.job import load_job
 from planner.errors import InputError
 from planner.files.whole_file import require_writable, whole_file
@@ -78,7 +79,8 @@ def compare(
     All of them run on the same curve under the same limits, and are judged alike.  Exit code 1: the optimal plan breaks
     a limit, or without it every method does.
     """
-    with exits():
+    with exits(), Streams() as at:
+        curve, output = at.curve(curve), at.output(output, ".csv")
         require_apart([output, plot], [curve, machine])
         if output is not None:
             _require_format(output)
@@ -103,10 +105,10 @@ def compare(
                 panels = comparison_panels(found)
                 save_plot(plot, plot_panels(f"{found.curve.name}: {FIGURE_TITLE}", panels))
         if as_json:
-            typer.echo(_json(facts))
+            typer.echo(_json(facts), err=at.taken)
         else:
-            files = [str(name) for name in (output, plot) if name is not None and name.exists()]
-            typer.echo(_text(found, job.machine, files))
+            files = [at.told(str(name)) for name in (output, plot) if name is not None and name.exists()]
+            typer.echo(_text(found, job.machine, files), err=at.taken)
         _leave(found.results)
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from feedplan.cli.app import AsJson, CurveName, Machine, Scale, app, exits, notice, require_apart
+from feedplan.cli.streams import Streams
 from feedplan.job import Job, load_job, load_job_of_table
 from feedplan.sources import PATH_SHARE
 from planner.errors import InputError
@@ -48,9 +49,11 @@ def ngc(
     their blending by the controller the rest.  Spindle, tools, coolant, dwells and stops keep their places.  Exit code 1:
     the plan or its samples break a limit, and nothing is written.
     """
-    with exits():
-        require_apart([output], [curve, machine, table])
-        require_writable(output)
+    with exits(), Streams() as at:
+        curve, table = at.curve(curve), None if table is None else at.table(table)
+        written_to = at.output(output, ".ngc") or output
+        require_apart([written_to], [curve, machine, table])
+        require_writable(written_to)
         if table is not None and (machine is not None or feed_mm_s is not None):
             raise InputError("--table brings its own limits; leave --machine and --feed-mm-s out")
         if table is None:
@@ -72,25 +75,27 @@ def ngc(
         with ProgressLine() as line:
             profile = job.plan(line) if table is None else read_table(table, job.curve)
             verdict = job.judge(profile, line)
-            line(f"writing {output}")
+            line(f"writing {written_to}")
             mode: Mode = "inverse_time" if inverse_time else "feed"
-            written = job.write(output, profile, mode, block_time=block_time_s, report=verdict.report)
+            written = job.write(written_to, profile, mode, block_time=block_time_s, report=verdict.report)
         deviation = written.deviation + (0.0 if job.path is None else job.path.deviation.largest)
+        name = at.told(str(written_to))
         facts = {
             "curve": job.curve.name,
-            "machine": job.machine,
+            "machine": at.told(job.machine),
             "blocks": written.blocks,
             "duration_s": written.duration,
             "deviation_mm": deviation,
             "blending_mm": 0.5 * job.room,
-            "files": [str(output)],
+            "files": [name],
         }
         if as_json:
-            typer.echo(json.dumps(facts, indent=2, allow_nan=False))
+            typer.echo(json.dumps(facts, indent=2, allow_nan=False), err=at.taken)
         else:
             typer.echo(
-                f"{output}: {written.blocks} blocks, {written.duration:.6g} s, within {1e3 * deviation:.3g} um of "
-                f"{job.curve.name}; the controller may blend {1e3 * 0.5 * job.room:.3g} um more"
+                f"{name}: {written.blocks} blocks, {written.duration:.6g} s, within {1e3 * deviation:.3g} um of "
+                f"{job.curve.name}; the controller may blend {1e3 * 0.5 * job.room:.3g} um more",
+                err=at.taken,
             )
 
 

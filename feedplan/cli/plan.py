@@ -23,6 +23,7 @@ from feedplan.cli.app import (
     require_apart,
     require_outputs,
 )
+from feedplan.cli.streams import Streams
 from feedplan.job import UNBOUNDED, Job, load_job
 from feedplan.sources import PATH_SHARE, require_program
 from planner.files.whole_file import require_writable
@@ -81,8 +82,16 @@ def plan(
     The plan and its samples are checked on their own, without a formula of the planner; one verdict is printed.  Where a
     limit is broken no --program is written, and every other file says so.
     """
-    with exits():
-        files = Files(output, certificate, plot, report, program, lines)
+    with exits(), Streams() as at:
+        curve = at.curve(curve)
+        files = Files(
+            at.output(output, ".csv"),
+            certificate,
+            plot,
+            at.output(report, ".html"),
+            at.output(program, ".ngc"),
+            at.output(lines, ".csv"),
+        )
         files.require_writable(curve, machine, method)
         share = 1.0 if program is None else PATH_SHARE
         job = load_job(
@@ -112,11 +121,11 @@ def plan(
             )
             if not verdict.holds:  # no machine gets a plan that breaks a limit
                 files = replace(files, program=None)
-            verdict = replace(verdict, files=files.names)
-            files.write(job, verdict, curve, line)
-        if files.program != program:
+            verdict = replace(verdict, files=tuple(map(at.told, files.names)))
+            files.write(job, verdict, at.told(curve), line)
+        if program is not None and files.program is None:
             typer.echo(f"{program}: not written, since the plan breaks a limit", err=True)
-        report_verdict(verdict, as_json)
+        report_verdict(verdict, as_json, aside=at.taken)
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from feedplan.cli.app import (
     require_outputs,
     show,
 )
+from feedplan.cli.streams import Streams
 from feedplan.job import load_job_of_table
 
 if TYPE_CHECKING:
@@ -43,7 +44,8 @@ def replay(
     This is what an interpolator does.  Printed is how far the samples are off the plan and what they use of its limits.
     Exit code 1: they break a limit; a file of them says so.
     """
-    with exits():
+    with exits(), Streams() as at:
+        table, curve, output = at.table(table), at.curve(curve), at.output(output, ".csv")
         require_apart([output], [table, curve])
         require_outputs(output, None)
         from feedplan.progress import ProgressLine, load_kernels
@@ -65,7 +67,8 @@ def replay(
                 write_samples(output, job.curve, samples, report)
         from feedplan.verdict import samples_text
 
-        show(samples_text(profile, samples, report, apart, "" if output is None else str(output)))
+        written = "" if output is None else at.told(str(output))
+        show(samples_text(profile, samples, report, apart, written), aside=at.taken)
         if not report.ok:
             raise typer.Exit(BROKEN)
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from feedplan.cli.app import AsJson, CurveName, Machine, Scale, TableFile, Tolerance, app, exits, report_verdict
+from feedplan.cli.streams import Streams
 from feedplan.job import load_job_of_table
 
 
@@ -33,10 +35,12 @@ def report(
     One file that needs no network: the path by feed, the use of every limit over time, the verdict, and for part programs
     the time of each line.  Without --machine the limits in the table's own header count.
     """
-    with exits():
+    with exits(), Streams() as at:
         from feedplan.page import require_report, write_report
 
-        require_report(output)
+        table, curve = at.table(table), at.curve(curve)
+        page = at.output(output, ".html") or output
+        require_report(page)
         from feedplan.progress import ProgressLine, load_kernels
         from planner import read_table
 
@@ -45,7 +49,8 @@ def report(
         with ProgressLine() as line:
             line("reading the table")
             profile = read_table(table, job.curve)
-            verdict = job.judge(profile, line, files=(str(output),))
+            verdict = job.judge(profile, line, files=(at.told(str(page)),))
+            verdict = replace(verdict, machine=at.told(verdict.machine))
             lines = None if job.program is None else job.line_times(profile)
-            write_report(output, verdict, lines=lines, progress=line)
-        report_verdict(verdict, as_json)
+            write_report(page, verdict, lines=lines, progress=line)
+        report_verdict(verdict, as_json, aside=at.taken)

@@ -21,6 +21,7 @@ from feedplan.cli.app import (
     require_outputs,
     show,
 )
+from feedplan.cli.streams import Streams
 from feedplan.job import Job, load_job
 from feedplan.sources import require_program
 
@@ -57,7 +58,8 @@ def time(
     Beside it, the least time of the same path without a jerk limit.  Dwells and tool changes count apart.  Exit code 1:
     the plan breaks a limit.
     """
-    with exits():
+    with exits(), Streams() as at:
+        program, output = at.program(program), at.output(output, ".csv")
         require_program(program, "feedplan time")
         require_apart([output], [program, machine])
         require_outputs(output, None)
@@ -77,11 +79,12 @@ def time(
             times, without = job.line_times(profile), job.line_times(plain)
             if output is not None:
                 line(f"writing {output}")
-                write_line_times(output, times, program, report.summary(), without_jerk=without)
+                write_line_times(output, times, at.told(program), report.summary(), without_jerk=without)
         if as_json:
-            typer.echo(_times_json(job, program, times, without, report))
+            typer.echo(_times_json(job, at.told(program), times, without, report), err=at.taken)
         else:
-            show(_times_text(job, profile, times, without, report, rows, output))
+            file = "" if output is None else at.told(str(output))
+            show(_times_text(job, profile, times, without, report, rows, file), aside=at.taken)
         if not report.ok:
             raise typer.Exit(BROKEN)
 
@@ -93,7 +96,7 @@ def _times_text(
     without: LineTimes,
     report: Report,
     rows: int,
-    output: Path | None,
+    file: str,
 ) -> RenderableType:
     """The longest lines, the totals, and what the jerk limit costs."""
     from rich.console import Group
@@ -124,8 +127,8 @@ def _times_text(
         named("held back by", held),
         *(named("note", note) for note in job.path.notes),
     ]
-    if output is not None:
-        parts.append(named("written", str(output)))
+    if file:
+        parts.append(named("written", file))
     if not report.ok:
         worst = max(report.violations, key=lambda row: row.ratio)
         parts.append(
