@@ -8,6 +8,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.frames import Tabular
 from planner.geometry.curve import Curve
 from planner.machine.limits import COMMANDS, Limits
 from planner.profile import FeedrateProfile, Samples
@@ -32,9 +36,9 @@ _NOTES_SHOWN = 8
 _LINES_SHOWN = 8
 
 
-@dataclass(frozen=True, eq=False)
-class Verdict:
-    """A plan, what was found about it and about the samples of it.
+@dataclass(frozen=True, eq=False, repr=False)
+class Verdict(Tabular):
+    """A plan, what was found about it and about the samples of it; as a table, what is used of each limit.
 
     Attributes
     ----------
@@ -68,6 +72,30 @@ class Verdict:
     program: ProgramPath | None = None
     facts: tuple[tuple[str, str], ...] = ()
     proof: BoundReport | None = None
+
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """Limit, axis, what is allowed, the share of it that the plan and its samples use, and when most is used."""
+        rows = _merged(_reports(self))
+        worst = [max((row for row in pair if row is not None), key=lambda row: row.ratio) for pair in rows]
+        used = np.array([[math.nan if row is None else row.ratio for row in pair] for pair in rows])
+        words = {name: np.array([getattr(row, name) for row in worst], object) for name in ("limit", "axis", "unit")}
+        return {
+            "limit": words["limit"],
+            "axis": words["axis"],
+            "allowed": np.array([row.allowed for row in worst]),
+            "unit": words["unit"],
+            "plan": used[:, 0],
+            "samples": used[:, 1],
+            "t_s": np.array([row.t for row in worst]),
+            "ok": np.array([all(row is None or row.ok for row in pair) for pair in rows]),
+        }
+
+    def __repr__(self) -> str:
+        said = "every limit holds" if self.holds else "LIMIT BROKEN"
+        gap = "" if math.isnan(self.gap) else f", at most {_percent(max(self.gap, 0.0), 2)} above the optimum"
+        if self.holds and not self.ok:
+            said += ", but its lower bound does not"
+        return f"Verdict({self.profile.curve.name}: {self.profile.duration:.6g} s{gap};\n        {said})"
 
     @property
     def holds(self) -> bool:
@@ -380,15 +408,20 @@ def _limit_table(reports: Sequence[tuple[str, Report]]) -> Table:
     table.add_column("limit", no_wrap=True)
     for title in ("allowed", *(title for title, _ in reports), "worst at"):
         table.add_column(title, justify="right", no_wrap=True)
-    names = dict.fromkeys((row.limit, row.axis) for _, report in reports for row in report.rows if _is_shown(row))
-    order = sorted(names, key=lambda name: _LIMITS.index(name[0]) if name[0] in _LIMITS else len(_LIMITS))
-    for name in order:
-        rows = [next((row for row in report.rows if (row.limit, row.axis) == name), None) for _, report in reports]
+    for rows in _merged(reports):
         worst = max((row for row in rows if row is not None), key=lambda row: row.ratio)
-        cells = [Text(" ".join(name).strip()), Text(quantity(worst.allowed, worst.unit))]
+        cells = [Text(f"{worst.limit} {worst.axis}".strip()), Text(quantity(worst.allowed, worst.unit))]
         cells += [Text("") if row is None else Text(_used(row), "" if row.ok else "bold red") for row in rows]
         table.add_row(*cells, Text(f"{worst.t:.3f} s"))
     return table
+
+
+def _merged(reports: Sequence[tuple[str, Report]]) -> list[list[Row | None]]:
+    """The rows that are shown, in the order of the limits; of each report one, None where it has none."""
+    names = dict.fromkeys((row.limit, row.axis) for _, report in reports for row in report.rows if _is_shown(row))
+    order = sorted(names, key=lambda name: _LIMITS.index(name[0]) if name[0] in _LIMITS else len(_LIMITS))
+    found = [{(row.limit, row.axis): row for row in report.rows} for _, report in reports]
+    return [[rows.get(name) for rows in found] for name in order]
 
 
 def _is_shown(row: Row) -> bool:

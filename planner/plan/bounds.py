@@ -55,6 +55,9 @@ class Bound(float):
         bound.certificate, bound.statement = certificate, statement
         return bound
 
+    def __repr__(self) -> str:
+        return f"Bound({float(self)!r} s, proved by {len(self.certificate.sections)} sections of multipliers)"
+
     def __getnewargs__(self) -> tuple[Certificate, str]:  # type: ignore[override]
         return self.certificate, self.statement
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from planner.errors import InputError
+from planner.frames import Tabular
 from planner.inputs import require_instance
 from planner.profile import FeedrateProfile
 from planner.programs.path.path import ProgramPath
@@ -34,8 +35,8 @@ _MOST_STEPS = 100
 _ROUNDING = 4.0 * np.finfo(np.float64).eps
 
 
-@dataclass(frozen=True, eq=False)
-class LineTimes:
+@dataclass(frozen=True, eq=False, repr=False)
+class LineTimes(Tabular):
     """The time of every line that moves, or would but for its length, or dwells, or changes the tool; read-only arrays.
 
     Attributes
@@ -80,6 +81,27 @@ class LineTimes:
             value = getattr(self, item.name)
             if isinstance(value, np.ndarray):
                 value.setflags(write=False)
+
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """The columns of the file that :func:`write_line_times` writes, kinds and limits as words."""
+        return {
+            "line": self.line,
+            "kind": np.array(KINDS, dtype=object)[self.kind],
+            "length_mm": self.length,
+            "seconds": self.seconds,
+            "held_back_by": np.array(self.limit_names, dtype=object)[self.binding],
+            "share": self.share,
+            "dwell_s": self.dwell,
+            "tool_changes": self.tool_changes,
+            "u_start": self.u_start,
+            "u_end": self.u_end,
+        }
+
+    def __repr__(self) -> str:
+        parts = [f"{self.line.size} lines", f"{self.moving:.6g} s of motion"]
+        parts += [f"{self.dwelling:.6g} s of dwells"] if self.dwelling else []
+        parts += [f"{self.changes} tool changes"] if self.changes else []
+        return f"LineTimes({', '.join(parts)})"
 
     @property
     def moving(self) -> float:
@@ -270,18 +292,7 @@ def write_line_times(
     """
     from planner.files.columns import write_columns
 
-    columns: dict[str, NDArray[Any]] = {
-        "line": times.line,
-        "kind": times.kind,
-        "length_mm": times.length,
-        "seconds": times.seconds,
-        "held_back_by": times.binding,
-        "share": times.share,
-        "dwell_s": times.dwell,
-        "tool_changes": times.tool_changes,
-        "u_start": times.u_start,
-        "u_end": times.u_end,
-    }
+    columns = times.columns() | {"kind": times.kind, "held_back_by": times.binding}  # as indices into words
     header = {
         "format": _FORMAT,
         "units": _UNITS,

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planner.errors import InputError
+from planner.frames import Tabular
 from planner.geometry.curve import Curve
 from planner.quantity import ACCELERATION, AXIS, FEED, JERK, PATH, TANGENTIAL_ACCELERATION, VELOCITY
 
@@ -78,9 +82,9 @@ class Row:
     ok: bool
 
 
-@dataclass(frozen=True)
-class Report:
-    """What :func:`check` found.
+@dataclass(frozen=True, repr=False)
+class Report(Tabular):
+    """What :func:`check` found: a table of its rows.
 
     Attributes
     ----------
@@ -102,6 +106,23 @@ class Report:
     def ok(self) -> bool:
         """True where every row holds."""
         return all(row.ok for row in self.rows)
+
+    def __iter__(self) -> Iterator[Row]:
+        return iter(self.rows)
+
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """Every field of the rows, (n,) arrays."""
+        kinds = {"limit": object, "axis": object, "unit": object, "ok": np.bool_}
+        names = [field.name for field in fields(Row)]
+        return {name: np.array([getattr(row, name) for row in self.rows], kinds.get(name, float)) for name in names}
+
+    def __repr__(self) -> str:
+        worst = max(self.rows, key=lambda row: row.ratio, default=None)
+        name = (
+            "" if worst is None else f"; most used: {worst.limit} {worst.axis}".rstrip() + f", {worst.ratio:.6g} of it"
+        )
+        count = len(self.violations)
+        return f"Report({HOLDS if not count else f'{count} of {len(self.rows)} checks fail'}{name})"
 
     @property
     def violations(self) -> tuple[Row, ...]:
