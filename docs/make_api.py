@@ -27,11 +27,11 @@ Lengths are in mm, angles in rad, times in s. This page is made of the docstring
 """
 # Chapters in their order, each with the modules whose names stand in it; of two that fit the longer counts.
 _CHAPTERS = {
-    "Curves": ("planner.geometry",),
+    "Curves": ("planner.geometry", "planner.programs.source"),
     "Limits": ("planner.machine", "planner.quantity"),
     "Plans": ("planner.plan", "planner.profile", "planner.law", "planner.certificate", "planner.samples"),
     "The check": ("planner.verify",),
-    "Verdict, page and comparison": ("feedplan",),
+    "From source to verdict, page and comparison": ("feedplan",),
     "Part programs": ("planner.programs",),
     "Files and pictures": ("planner.output", "planner.files"),
     "Real time": ("interp",),
