@@ -26,7 +26,8 @@ from rich.progress import track
 from rich.table import Table
 
 from benchmarks.cases import reference_cases
-from planner import Curve, FeedrateProfile, Limits, __version__, certify, check, plan_feedrate
+from feedplan.job import Job
+from planner import Curve, FeedrateProfile, Limits, __version__, certify
 
 
 def toppra_seconds(curve: Curve, limits: Limits, intervals: int) -> float:
@@ -52,15 +53,16 @@ def toppra_seconds(curve: Curve, limits: Limits, intervals: int) -> float:
 
 def timed_plan(curve: Curve, limits: Limits, **options: Any) -> tuple[FeedrateProfile, float]:
     began = process_time()
-    profile = plan_feedrate(curve, limits, **options)
+    profile = Job(curve, limits).plan(**options)
     return profile, process_time() - began
 
 
 def measure(curve: Curve, limits: Limits, optimum: float, repeats: int, intervals: int) -> dict[str, Any]:
-    plan_feedrate(curve, limits, intervals=intervals)
+    job = Job(curve, limits)
+    job.plan(intervals=intervals)
     runs = [timed_plan(curve, limits, intervals=intervals) for _ in range(repeats)]
     profile = runs[0][0]
-    report = check(curve, limits, profile)
+    report = job.check(profile)
     toppra_seconds(curve, limits, intervals)
     toppra_s = median(toppra_seconds(curve, limits, intervals) for _ in range(repeats))
     reference, nlp_s = timed_plan(curve, limits, method="nlp", intervals=intervals)

@@ -27,7 +27,8 @@ from rich.table import Table
 from benchmarks.cases import drives
 from benchmarks.linuxcnc.interpreter import interpret, is_installed
 from benchmarks.linuxcnc.machine import run_program
-from planner import FeedrateProfile, Limits, Program, __version__, check, plan_feedrate, read_program
+from feedplan.job import Job
+from planner import FeedrateProfile, Limits, Program, __version__, read_program
 from planner.output.ngc_program import write_program
 from planner.programs.path.path import ProgramPath, program_path
 from planner.programs.times import line_times
@@ -52,7 +53,7 @@ ALLOWED = 0.03  # of the predicted time
 def planned(program: Program, tolerance: float) -> tuple[ProgramPath, Limits, FeedrateProfile]:
     path = program_path(program, tolerance, LIMITS)
     limits = LIMITS.for_curve(path.curve)
-    return path, limits, plan_feedrate(path.curve, limits, intervals=path.intervals)
+    return path, limits, Job(path.curve, limits).plan(intervals=path.intervals)
 
 
 def measure(name: str, tolerance: float) -> dict[str, Any]:
@@ -62,9 +63,10 @@ def measure(name: str, tolerance: float) -> dict[str, Any]:
     path = program_path(program, tolerance, LIMITS)
     limits = LIMITS.for_curve(path.curve)
     made = process_time()
-    profile = plan_feedrate(path.curve, limits, intervals=path.intervals)
+    job = Job(path.curve, limits)
+    profile = job.plan(intervals=path.intervals)
     done = process_time()
-    without = plan_feedrate(path.curve, limits.without_jerk(), intervals=path.intervals)
+    without = job.without_jerk().plan(intervals=path.intervals)
     bar = BARS.get((name, tolerance))
     return {
         "program": name,
@@ -79,7 +81,7 @@ def measure(name: str, tolerance: float) -> dict[str, Any]:
         "path_cpu_s": made - began,
         "plan_cpu_s": done - made,
         "lines_off_s": line_times(program, path, profile).moving - profile.duration,
-        "check_ok": check(path.curve, limits, profile).ok,
+        "check_ok": job.check(profile).ok,
     }
 
 

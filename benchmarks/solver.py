@@ -34,7 +34,8 @@ from rich.table import Table
 
 from benchmarks.cases import bump, drives, mill, reference_cases
 from benchmarks.durations import toppra_seconds
-from planner import Curve, FeedrateError, Limits, __version__, certify, check, load_curve, plan_feedrate
+from feedplan.job import Job
+from planner import Curve, FeedrateError, Limits, __version__, certify, load_curve
 from planner.files.whole_file import whole_file
 from planner.geometry.nurbs import NurbsCurve
 from planner.plan.knots import place_knots, scan, with_blends
@@ -110,19 +111,20 @@ def ipopt_seconds(problem: Any) -> float:
 
 
 def compare_case(curve: Curve, limits: Limits, optimum: float, repeats: int) -> dict[str, Any]:
-    plan_feedrate(curve, limits, intervals=INTERVALS)
+    job = Job(curve, limits)
+    job.plan(intervals=INTERVALS)
     toppra_seconds(curve, limits, INTERVALS)
     runs = []
     for _ in range(repeats):
         theirs = toppra_seconds(curve, limits, INTERVALS)
         began = process_time()
-        profile = plan_feedrate(curve, limits, intervals=INTERVALS)
+        profile = job.plan(intervals=INTERVALS)
         runs.append((process_time() - began, profile.work.first_solve_cpu_s, profile.work.solve_cpu_s, theirs))
-    free = plan_feedrate(curve, limits)
+    free = job.plan()
     began = process_time()
     bound = certify(curve, limits, profile)
     certify_s = process_time() - began
-    ok = check(curve, limits, profile, density=20).ok and check(curve, limits, free, density=20).ok
+    ok = job.check(profile, density=20).ok and job.check(free, density=20).ok
     solve = median(run[1] for run in runs)
     copp = copp_seconds(curve, limits, INTERVALS)
     smooth = all(b.parametric >= 2 for b in curve.breaks)
@@ -162,7 +164,7 @@ def long_path(intervals: int) -> tuple[Curve, Limits]:
 def one_size(kind: str, intervals: int) -> dict[str, Any]:
     """One size in this process: a long path from curve to checked plan, or the solver alone on a short curve."""
     warm = load_curve("teardrop"), drives()
-    check(*warm, plan_feedrate(*warm))
+    Job(*warm).check(Job(*warm).plan())
     if kind == "short":
         curve, limits = load_curve("butterfly", scale=10.0), drives(300.0)
         problem = problem_of(curve, limits, intervals)
@@ -184,10 +186,11 @@ def one_size(kind: str, intervals: int) -> dict[str, Any]:
         curve, limits = long_path(intervals)
         _ = curve.breaks
         wall, began = time.perf_counter(), process_time()
-        profile = plan_feedrate(curve, limits, intervals=intervals)
+        job = Job(curve, limits)
+        profile = job.plan(intervals=intervals)
         planned = process_time() - began
         gc.collect()
-        ok = check(curve, limits, profile).ok
+        ok = job.check(profile).ok
         result = {
             "status": profile.status.value,
             "check_ok": ok,
@@ -221,7 +224,8 @@ def tiny_features() -> dict[str, Any]:
     rows: dict[str, Any] = {}
     for nanometres in (1e6, 1e3, 1.0):
         curve = bump(nanometres)
-        profile = plan_feedrate(curve, limits)
+        job = Job(curve, limits)
+        profile = job.plan()
         u = np.unique(np.concatenate([np.linspace(*curve.domain, INTERVALS + 1), profile.u]))
         grid = (u - u[0]) / (u[-1] - u[0])
         bounds = [
@@ -236,7 +240,7 @@ def tiny_features() -> dict[str, Any]:
             "duration_s": profile.duration,
             "slowdown": profile.work.slowdown,
             "exact_stops": profile.work.sections - 1,
-            "check_ok": check(curve, limits, profile).ok,
+            "check_ok": job.check(profile).ok,
             "toppra": problem.problem_data.return_code.name,
         }
     return rows
@@ -260,14 +264,15 @@ def random_plans(count: int) -> dict[str, Any]:
         curve = random_curve(seed)
         limits = mill(dim=curve.dim)
         began = process_time()
+        job = Job(curve, limits)
         try:
-            profile = plan_feedrate(curve, limits)
+            profile = job.plan()
         except FeedrateError as error:
             failures.append(f"{seed}: {error}")
             continue
         seconds.append(process_time() - began)
         slowdowns.append(profile.work.slowdown)
-        if not check(curve, limits, profile).ok:
+        if not job.check(profile).ok:
             infeasible.append(seed)
     over = [seed for seed, slowdown in enumerate(slowdowns) if slowdown > 1.002]
     return {

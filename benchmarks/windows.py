@@ -79,17 +79,14 @@ def run_whole(program: Path) -> dict[str, float | int | bool | str]:
     """Plan a program from end to end in this process."""
     import resource
 
+    from feedplan.job import load_job
     from feedplan.progress import load_kernels
-    from planner import check, plan_feedrate, read_program
-    from planner.programs.path.path import program_path
 
     load_kernels()
     began, cpu = time.perf_counter(), time.process_time()
-    limits = _limits()
-    path = program_path(read_program(program), _TOLERANCE, limits)
-    own = limits.for_curve(path.curve)
-    profile = plan_feedrate(path.curve, own, intervals=path.intervals)
-    report = check(path.curve, own, profile)
+    job = load_job(program, _limits(), tolerance=_TOLERANCE)
+    profile = job.plan(intervals=job.path.intervals)
+    report = job.check(profile)
     return {
         "duration_s": profile.duration,
         "ok": report.ok,

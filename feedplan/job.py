@@ -141,11 +141,11 @@ class Job:
 
         return interp.replay(self.curve, profile, self.limits.period if period is None else period, order=order)
 
-    def check(self, plan: FeedrateProfile | Samples) -> Report:
-        """Measure a plan, or samples, against the limits."""
+    def check(self, plan: FeedrateProfile | Samples, **options: Any) -> Report:
+        """Measure a plan, or samples, against the limits; options as for :func:`planner.check`."""
         from planner import check
 
-        return check(self.curve, self.limits, plan)
+        return check(self.curve, self.limits, plan, **options)
 
     def judge(
         self,
