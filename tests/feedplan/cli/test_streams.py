@@ -56,7 +56,8 @@ def test_a_table_is_the_same_as_in_a_file(sh, tmp_path):
     out, err = sh(f"feedplan plan teardrop {QUICK} --json -o -")
     sh(f"feedplan plan teardrop {QUICK} -o table.csv")
     assert out == (tmp_path / "table.csv").read_text()
-    assert strict_json(err)["files"] == ["standard output"]
+    # On a busy machine a line about compiling may stand before it.
+    assert strict_json(err[err.index("{") :])["files"] == ["standard output"]
 
 
 def test_samples_and_a_page(sh, tmp_path):
@@ -76,7 +77,7 @@ def test_a_program_goes_in_and_a_program_comes_out(sh):
     out, err = sh("feedplan ngc - --tolerance-mm 0.05 -o -", given)
     assert "G64" in out
     assert out.rstrip().endswith("M2") or "M2" in out.splitlines()[-2:]
-    assert err.startswith("standard output: ")
+    assert "standard output: " in err
     lines, err = sh("feedplan time - --tolerance-mm 0.05 -o -", given)
     assert "# program = standard input\n" in lines
     assert "motion" in err
