@@ -13,8 +13,12 @@ PACKAGES = ("planner", "interp", "feedplan")
 
 # Modules without a file of their own, by the file that tests them: they are parts of what is named there.
 ELSEWHERE = {
-    "feedplan/cli/test_plan.py": ("feedplan.cli.app", "feedplan.job", "feedplan.progress"),
-    "feedplan/cli/test_programs.py": ("feedplan.cli.windows",),
+    "feedplan/cli/test_plan.py": ("feedplan.cli.app", "feedplan.cli.check", "feedplan.cli.replay", "feedplan.progress"),
+    "feedplan/cli/test_programs.py": ("feedplan.cli.ngc", "feedplan.cli.time", "feedplan.cli.windows"),
+    "feedplan/comparison/test_comparison.py": tuple(
+        f"feedplan.comparison{name}" for name in ("", ".judgement", ".methods", ".result")
+    ),
+    "feedplan/test_job.py": ("feedplan.sources",),
     "feedplan/test_page.py": ("feedplan.cli.report", "planner.output.traces"),
     "geometry/test_curve.py": ("planner.geometry.fit",),
     "geometry/test_drawing.py": ("planner.geometry.chain", "planner.geometry.points"),
@@ -60,6 +64,9 @@ ELSEWHERE = {
 # Files that are named after no module, by what they are about.
 TOPICS = {
     "benchmarks": "the commands of the benchmarks",
+    "feedplan/cli/test_completion.py": "completion in a shell",
+    "feedplan/cli/test_programs.py": "what a shop asks of a part program",
+    "feedplan/test_tables.py": "results as tables and in two lines",
     "feedplan/test_arguments.py": "swapped arguments and wrong types, at every door",
     "machine/test_feed_caps.py": "limits of a curve whose blocks have feeds of their own",
     "output/test_roundtrip.py": "programs that are written and planned again",
