@@ -23,15 +23,23 @@ from numpy.typing import NDArray
 from planner.errors import InputError
 from planner.files.columns import ColumnFile, Columns, reading, write_columns
 from planner.geometry.curve import ROTARY_AXES, Curve
-from planner.geometry.tolerance import PathTolerance
-from planner.inputs import plain_number, require_instance, shorten
+from planner.inputs import require_instance, shorten
 from planner.law import TimeLaw
 from planner.machine.limits import RAPID, SCALARS, Limits, require_limits
-from planner.machine.machine_file import EXAMPLE_MACHINES, file_key
+from planner.machine.machine_file import file_key
 from planner.origin import Origin
+from planner.output.table_header import (
+    OPTIONAL_KEYS,
+    notes_of,
+    number_of,
+    origin_of,
+    slowed_of,
+    status_of,
+    tolerance_lines,
+)
 from planner.profile import FeedrateProfile, Samples
 from planner.quantity import AXIS, limit_names
-from planner.status import Claim, Status
+from planner.status import Claim
 from planner.types import FloatArray
 from planner.verify import Report, check
 from planner.verify.implied_columns import Nodes
@@ -64,17 +72,6 @@ _KEYS = (
 _AGREEMENT = 1e-9
 _BOUND = 2e-6  # of the duration: what a lower bound may lie above it by, since both are rounded
 _AT_REST = 1e-9  # of the largest feed
-_TRUTH = {"yes": True, "no": False}
-# What else a table may say of its curve: how the path was made from a part program or from points.
-_TOLERANCE, _SHARE, _MACHINE, _OWN = "path_tolerance_mm", "path_share", "path_machine", "P words"
-_FURTHER = (_TOLERANCE, _SHARE, _MACHINE, "slowed")
-# How earlier versions began what they said of the status.
-_STATUS_BEFORE = {
-    "slowed down by": "slowed",
-    "stalled: the Newton": "singular",
-    "stalled: the step": "no step",
-    "stalled:": "too many iterations",
-}
 _SAME_PLACE = 1e-9  # of the domain: what rounding may leave between two rows of one place
 
 
@@ -116,7 +113,7 @@ def write_table(path: str | Path, profile: FeedrateProfile, limits: Limits, *, r
         "verdict": report.summary(),
         **_limit_lines(curve.axes, limits),
         **({"slowed": json.dumps(profile.slowed)} if profile.slowed else {}),
-        **_tolerance_lines(profile.origin.tolerance),
+        **tolerance_lines(profile.origin.tolerance),
         "limit_names": ", ".join(profile.limit_names),
         "notes": json.dumps(profile.notes),
         "rows": str(profile.t.size),
@@ -168,29 +165,20 @@ def read_table(path: str | Path, curve: Curve) -> FeedrateProfile:
             jerk=columns["jerk_mm_s3"],
             binding=columns["binding"],
             limit_names=names,
-            lower_bound=_number(file, "lower_bound_s"),
+            lower_bound=number_of(file, "lower_bound_s"),
             method=header["method"],
             limits=limits,
             claim=Claim.TABLE,
-            origin=_origin(file),
-            status=_status(file),
-            notes=_notes(file),
-            slowed=_slowed(file, columns["t_s"].size) if "slowed" in header else (),
+            origin=origin_of(file),
+            status=status_of(file),
+            notes=notes_of(file),
+            slowed=slowed_of(file, columns["t_s"].size),
             checked=header["verdict"],
         )
         _require_agreement(file, columns, profile, limits)
         _require_facts(file, profile)
         file.require_rows(columns)
-        file.require_only(
-            [
-                *_KEYS,
-                _TOLERANCE,
-                _SHARE,
-                _MACHINE,
-                "slowed",
-                *(key for keys in _limit_keys(curve.axes).values() for key in keys),
-            ]
-        )
+        file.require_only([*_KEYS, *OPTIONAL_KEYS, *(key for keys in _limit_keys(curve.axes).values() for key in keys)])
         return profile
 
 
@@ -202,14 +190,7 @@ def table_limits(path: str | Path) -> Limits:
     with reading(path, _PLAN_FORMAT, _KEYS) as file:
         limits = _limits_of(file)
         file.require_only(
-            [
-                *_KEYS,
-                _TOLERANCE,
-                _SHARE,
-                _MACHINE,
-                "slowed",
-                *(key for keys in _limit_keys(limits.axes).values() for key in keys),
-            ]
+            [*_KEYS, *OPTIONAL_KEYS, *(key for keys in _limit_keys(limits.axes).values() for key in keys)]
         )
         return limits
 
@@ -220,7 +201,7 @@ def table_origin(path: str | Path) -> Origin:
     Raises InputError if the file cannot be read, is no feedrate table, or says something else than is written there.
     """
     with reading(path, _PLAN_FORMAT, _KEYS) as file:
-        return _origin(file)
+        return origin_of(file)
 
 
 def write_samples(path: str | Path, curve: Curve, samples: Samples, report: Report) -> None:
@@ -278,104 +259,12 @@ def _limits_of(file: ColumnFile) -> Limits:
     for name, keys in _limit_keys(axes).items():
         if name == RAPID and keys[0] not in file.header:
             continue  # without a limit of their own
-        row = [_number(file, key) for key in keys]
+        row = [number_of(file, key) for key in keys]
         values[name] = row[0] if name in SCALARS else row
     try:
         return Limits(**values, axes=axes)
     except InputError as error:
         raise InputError(f"{file.path}: {error}") from None
-
-
-def _tolerance_lines(tolerance: PathTolerance | None) -> dict[str, str]:
-    """Header lines of the tolerance a curve was made within: none of an exact curve's."""
-    if tolerance is None:
-        return {}
-    said = {_TOLERANCE: _OWN if tolerance.mm is None else repr(tolerance.mm)}
-    said |= {} if tolerance.share == 1.0 else {_SHARE: repr(tolerance.share)}
-    return said | ({_MACHINE: tolerance.machine} if tolerance.machine else {})
-
-
-def _tolerance(file: ColumnFile) -> PathTolerance | None:
-    if not {_TOLERANCE, _SHARE, _MACHINE} & file.header.keys():
-        return None
-    mm = None if file.header.get(_TOLERANCE, _OWN) == _OWN else _number(file, _TOLERANCE)
-    share = _number(file, _SHARE) if _SHARE in file.header else 1.0
-    if mm is not None and not 0.0 < mm < np.inf:
-        raise InputError(f"{file.path}: the header says {_TOLERANCE} = {mm!r}; it must be > 0 and finite")
-    if not 0.0 < share <= 1.0:
-        raise InputError(f"{file.path}: the header says {_SHARE} = {share!r}; it must lie within (0, 1]")
-    machine = file.header.get(_MACHINE, "")
-    if machine and machine not in EXAMPLE_MACHINES:
-        raise InputError(
-            f'{file.path}: the header says {_MACHINE} = "{shorten(machine)}"; it must be one of '
-            f"{', '.join(EXAMPLE_MACHINES)}"
-        )
-    return PathTolerance(mm, share, machine)
-
-
-def _origin(file: ColumnFile) -> Origin:
-    truths = {key: _truth(file, key) for key in ("exact_stop", "periodic")}
-    return Origin(_number(file, "limit_period_s"), **truths, tolerance=_tolerance(file))
-
-
-def _status(file: ColumnFile) -> Status:
-    text = file.header["status"]
-    word = next((word for prefix, word in _STATUS_BEFORE.items() if text.startswith(prefix)), text)
-    words = {status.value: status for status in Status}
-    if word not in words:
-        raise InputError(
-            f'{file.path}: the header says status = "{shorten(text)}"; it must be one of {", ".join(words)}'
-        )
-    return words[word]
-
-
-def _number(file: ColumnFile, key: str) -> float:
-    text = file.header.get(key, "")
-    number = plain_number(text, other=("inf", "-inf", "nan"))
-    if number is None:
-        raise InputError(f'{file.path}: the header says {key} = "{shorten(text)}"; it must be a number')
-    return number
-
-
-def _truth(file: ColumnFile, key: str) -> bool:
-    if file.header[key] not in _TRUTH:
-        raise InputError(f'{file.path}: the header says {key} = "{shorten(file.header[key])}"; it must be yes or no')
-    return _TRUTH[file.header[key]]
-
-
-def _notes(file: ColumnFile) -> tuple[str, ...]:
-    try:
-        notes = json.loads(file.header["notes"])
-    except (ValueError, RecursionError):
-        notes = None
-    if not isinstance(notes, list) or not all(isinstance(note, str) for note in notes):
-        raise InputError(
-            f"{file.path}: the header says notes = {shorten(file.header['notes'])}; it must be a JSON list of texts"
-        )
-    return tuple(notes)
-
-
-def _slowed(file: ColumnFile, rows: int) -> tuple[tuple[int, float], ...]:
-    """Rows from which on, and factors by which, the plan was slowed down."""
-    text = file.header["slowed"]
-    try:
-        pairs = [(row, factor) for row, factor in json.loads(text)]
-    except (TypeError, ValueError, RecursionError):
-        pairs = []
-    at = [row for row, _ in pairs]
-    sound = bool(pairs) and all(type(row) is int and isinstance(factor, float) for row, factor in pairs)
-    if (
-        not sound
-        or at != sorted(set(at))
-        or at[0] != 0
-        or at[-1] >= rows
-        or not all(1.0 <= f < np.inf for _, f in pairs)
-    ):
-        raise InputError(
-            f"{file.path}: the header says slowed = {shorten(text)}; it must be pairs [row, factor], rows increasing "
-            "from 0, factors of at least 1"
-        )
-    return tuple(pairs)
 
 
 def _require_curve(file: ColumnFile, curve: Curve) -> None:

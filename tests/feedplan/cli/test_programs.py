@@ -453,8 +453,8 @@ def test_a_table_of_points_written_from_python_says_its_tolerance(run, tmp_path)
     ],
 )
 def test_a_table_with_a_false_tolerance_is_refused(run, corners, tmp_path, monkeypatch, key, text, message):
-    lines = planner.output.table._tolerance_lines
-    monkeypatch.setattr(planner.output.table, "_tolerance_lines", lambda made: lines(made) | {key: text})
+    lines = planner.output.table.tolerance_lines
+    monkeypatch.setattr(planner.output.table, "tolerance_lines", lambda made: lines(made) | {key: text})
     table = tmp_path / "t.csv"
     run("plan", corners, "--intervals", 300, "-o", table)
     code, _, err = run("check", table, corners)
