@@ -30,6 +30,7 @@ ELSEWHERE = {
         "planner.files.archive",
         "planner.files.columns",
         "planner.files.whole_file",
+        "planner.output.table_header",
         "planner.verify.implied_columns",
     ),
     "plan/solvers/test_scurve.py": ("planner.plan.solvers.arcpath",),
