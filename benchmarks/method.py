@@ -185,10 +185,10 @@ def measured(of: Case, at: Stage, attempt: Attempt) -> tuple[TimeLaw, Utilisatio
 def knots_only(at: Stage) -> Stage:
     """The same stage without constraints at the midpoints."""
     problem = at.problem
-    cap, rows_a, rows_j = problem.cap.copy(), problem.acceleration.copy(), problem.jerk.copy()
+    cap, rows_a, rows_j = problem.cap.copy(), problem.acceleration.times(1.0), problem.jerk.times(1.0)
     cap[1::2] = 1e300
-    rows_a[:, :, 1::2] = 0.0
-    rows_j[:, :, 1::2] = 0.0
+    rows_a.r[:, :, 1::2] = 0.0
+    rows_j.r[:, :, 1::2] = 0.0
     return replace(at, problem=replace(problem, cap=cap, acceleration=rows_a, jerk=rows_j))
 
 
@@ -283,8 +283,9 @@ def trace(problem: Constraints, *, centring: float = 1.0, most: int = 150) -> Tr
     it = Iterate(problem, optimal.start_from(problem, problem.guess), centring, 0.95)
     rows = []
     for _ in range(most):
-        bound, value = it.bound_and_value()
-        rows.append((it.time * problem.time_unit, it.gap / it.time, float((np.abs(value) / bound).max())))
+        bounds, value = it.bounds_and_value()
+        used = np.maximum(value / bounds[:, 0], -value / bounds[:, 1])
+        rows.append((it.time * problem.time_unit, it.gap / it.time, float(used.max())))
         if rows[-1][1] < tolerance or optimal._iterate(it):
             break
     return Trace(*np.array(rows).T)

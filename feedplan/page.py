@@ -24,6 +24,7 @@ from planner.files.whole_file import require_writable, whole_file
 from planner.inputs import require_instance
 from planner.output.traces import PlanTraces, Traces, trace_chord_error, trace_plan
 from planner.profile import FeedrateProfile
+from planner.quantity import ACCELERATION, JERK
 
 if TYPE_CHECKING:
     from planner.programs.times import LineTimes
@@ -79,9 +80,10 @@ def write_report(
         "tip_axes": list(curve.tip.axes),
         "limit_names": list(profile.limit_names),
         "limits": {
+            # by the names of the traces, which are along the path
             "feed": _finite(limits.feed),
-            "acceleration": _finite(limits.tangential_acceleration),
-            "jerk": _finite(limits.tangential_jerk),
+            "acceleration": _finite(float(limits.of_motions(ACCELERATION.order)[-1])),
+            "jerk": _finite(float(limits.of_motions(JERK.order)[-1])),
             "chord error": _finite(limits.chord_error),
         },
         "plan": _trace_facts(traces) | _place_facts(traces),

@@ -18,9 +18,10 @@ from planner.geometry.curve import DEFAULT_AXES, MAX_DERIVATIVE, ROTARY_AXES, Cu
 from planner.geometry.differential import chain_rule, curvature, rates_along
 from planner.inputs import shorten
 from planner.law import TimeLaw, quintic_coefficients
+from planner.machine.limit_rows import limit_rows
 from planner.machine.limits import Limits, chord_feed_limit, commanded_feed
 from planner.origin import Origin
-from planner.quantity import AXIS, CHORD_ERROR, FEED, NONE, TANGENTIAL, limit_names
+from planner.quantity import CHORD_ERROR, FEED, NONE, limit_names
 from planner.status import Claim, Status, Work
 from planner.types import FloatArray
 
@@ -333,7 +334,7 @@ def _binding(
 ) -> tuple[tuple[str, ...], NDArray[np.int8]]:
     """Name, at each node, the limit with the largest share used, if it is nearly used up."""
     u, u1, u2, u3 = law
-    rates = chain_rule(q[1], q[2], q[3], u1[:, None], u2[:, None], u3[:, None])
+    axis_rates = np.stack(chain_rule(q[1], q[2], q[3], u1[:, None], u2[:, None], u3[:, None]))
     with np.errstate(divide="ignore", invalid="ignore"):
         chord = along[0] / chord_feed_limit(curvature(tip), limits)
     used = {
@@ -341,10 +342,9 @@ def _binding(
         FEED.label: along[0] * slowed / commanded,
         CHORD_ERROR.label: np.nan_to_num(chord * slowed, nan=0.0, posinf=0.0),
     }
-    for limited in (*TANGENTIAL, *AXIS):
-        values = along[limited.order - 1][:, None] if limited in TANGENTIAL else rates[limited.order - 1]
-        axes = curve.axes if limited in AXIS else ("",)
-        for j, (axis, allowed) in enumerate(zip(axes, limits.of(limited), strict=True)):
-            used[limited.of(axis)] = np.abs(values[:, j]) * slowed**limited.power / allowed
-    names = limit_names(curve.axes)
-    return names, np.argmax(np.stack([used[name] for name in names]), axis=0).astype(np.int8)
+    for row in limit_rows(limits.on(curve)):
+        rates = axis_rates[:, :, row.motion] if row.axis else along
+        value = np.sum([weight * rate for weight, rate in zip(row.weights, rates, strict=True) if weight], axis=0)
+        used[row.name] = value * slowed**row.quantity.power / np.where(value > 0.0, row.upper, row.lower)
+    names, unlimited = limit_names(curve.axes), np.zeros(u.size)
+    return names, np.argmax(np.stack([used.get(name, unlimited) for name in names]), axis=0).astype(np.int8)

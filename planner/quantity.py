@@ -73,6 +73,10 @@ class Quantity:
         """The unit as keys of files end: "mm_s2"."""
         return self.unit(length).replace("/", "_").replace("^", "")
 
+    def file_key(self, length: str = "mm") -> str:
+        """Key of a machine file: "jerk_rad_s3"."""
+        return f"{self.key}_{self.suffix(length)}"
+
 
 FEED = Quantity("feed", "F", Scope.PATH, order=1, power=1, required=True)
 CHORD_ERROR = Quantity("chord_error", "C", Scope.PATH, order=0, power=2)  # of a chord of one period: as its square

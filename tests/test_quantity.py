@@ -1,11 +1,17 @@
 """The table of what can be limited: its words, units and letters, and that nothing else lists them again."""
 
+import ast
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from planner import Limits, load_curve, plan_feedrate
 from planner.machine.machine_file import file_key
-from planner.quantity import AXIS, FEED, PATH, QUANTITIES, limit_names, motion_names, with_label
+from planner.quantity import AXIS, FEED, PATH, QUANTITIES, TANGENTIAL, limit_names, motion_names, with_label
+
+ROOT = Path(__file__).resolve().parents[1]
 
 
 def test_every_row_has_words_and_letters_of_its_own():
@@ -63,3 +69,23 @@ def test_motions_are_the_axes_and_the_arc_length():
     assert [limits.of_motions(order).tolist() for order in (1, 2, 3)] == [[2, 3, 1], [4, 5, 8], [6, 7, 9]]
     assert motion_names(3, "XY") == ("jerk X", "jerk Y", "tangential jerk")
     assert motion_names(1, "XY") == ("velocity X", "velocity Y", FEED.label)
+
+
+def test_no_module_spells_the_tangential_limits_again():
+    """The words of a quantity that is not of an axis stand in the table, in Limits and in what reads a controller's file."""
+    words = re.compile("|".join(f"{q.key}|{q.label}" for q in TANGENTIAL))
+    allowed = {"planner/quantity.py", "planner/machine/limits.py"}
+    found = set()
+    for package in ("planner", "interp", "feedplan"):
+        for path in sorted((ROOT / package).rglob("*.py")):
+            tree = ast.parse(path.read_text(encoding="utf-8"))
+            documented = {
+                id(node.body[0].value)
+                for node in ast.walk(tree)
+                if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node) is not None
+            }
+            for node in ast.walk(tree):
+                text = node.value if isinstance(node, ast.Constant) and id(node) not in documented else None
+                if isinstance(text, str) and words.search(text):
+                    found.add(str(path.relative_to(ROOT)))
+    assert sorted(found - allowed) == []

@@ -41,6 +41,7 @@ from planner.geometry.curve import Curve
 from planner.inputs import positive_number
 from planner.machine.limits import FeedrateLimits, Limits, require_limits
 from planner.profile import Samples
+from planner.quantity import JERK
 from planner.types import FloatArray, Progress
 
 if TYPE_CHECKING:
@@ -370,7 +371,7 @@ def _job(
     settings = np.zeros(k.SETTINGS)
     settings[k.PERIOD], settings[k.FEED], settings[k.TOLERANCE] = limits.period, limits.feed, limits.chord_error
     settings[k.SAFETY], settings[k.RISE], settings[k.FALL], settings[k.FLOOR] = safety, u_rise, u_fall, min_feed
-    settings[k.JERK] = min(limits.tangential_jerk, float(limits.jerk.min()))
+    settings[k.JERK] = float(limits.of_motions(JERK.order).min())
     settings[k.ALGORITHM], settings[k.ROOT] = algorithm, variant == "root"
     settings[k.EXACT_TAYLOR], settings[k.PLANNED_FEED] = chosen["taylor"] == "exact", chosen["step_feed"] == "planned"
     if chosen["second_derivatives"] == "published":

@@ -115,7 +115,7 @@ class Limits:
         return len(self.axes)
 
     def on(self, curve: Curve) -> Limits:
-        """Limits of every axis of a curve: these, or one number for every axis spread over them.
+        """Limits of every axis of a curve: these in its order, or one number for every axis spread over them.
 
         Raises InputError unless there is one limit for every axis, and for a rotary axis one of its own.
         """
@@ -127,7 +127,7 @@ class Limits:
                 f"the limits have {self.dim} axes ({', '.join(self.axes)}), but {curve.name} has {curve.dim} "
                 f"({', '.join(curve.axes)}); give one limit for each axis of the curve"
             )
-        return self
+        return self if self.axes == tuple(curve.axes) else self._replace(axes=curve.axes)
 
     def of(self, quantity: Quantity) -> list[float]:
         """Limits on a quantity: one number, or one for each axis."""

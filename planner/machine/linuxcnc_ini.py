@@ -26,6 +26,7 @@ from typing import Any
 from planner.errors import InputError
 from planner.geometry.curve import AXES, ROTARY_AXES
 from planner.inputs import plain_number, shorten
+from planner.quantity import ACCELERATION, FEED, JERK, TANGENTIAL_ACCELERATION, TANGENTIAL_JERK, VELOCITY
 
 _LINEAR_UNITS = {"mm": 1.0, "metric": 1.0, "in": 25.4, "inch": 25.4, "imperial": 25.4}
 _ANGULAR_UNITS = {
@@ -34,11 +35,11 @@ _ANGULAR_UNITS = {
     **dict.fromkeys(("rad", "radian"), 1.0),
 }
 _TRAJECTORY = {
-    "feed_mm_s": ("MAX_LINEAR_VELOCITY", "MAX_VELOCITY"),
-    "tangential_acceleration_mm_s2": ("MAX_LINEAR_ACCELERATION", "MAX_ACCELERATION"),
-    "tangential_jerk_mm_s3": ("MAX_LINEAR_JERK",),
+    FEED.file_key(): ("MAX_LINEAR_VELOCITY", "MAX_VELOCITY"),
+    TANGENTIAL_ACCELERATION.file_key(): ("MAX_LINEAR_ACCELERATION", "MAX_ACCELERATION"),
+    TANGENTIAL_JERK.file_key(): ("MAX_LINEAR_JERK",),
 }
-_AXIS = {"velocity": "MAX_VELOCITY", "acceleration": "MAX_ACCELERATION", "jerk": "MAX_JERK"}
+_AXIS = {VELOCITY: "MAX_VELOCITY", ACCELERATION: "MAX_ACCELERATION", JERK: "MAX_JERK"}
 _READ_SECTIONS = r"TRAJ|KINS|EMCMOT|AXIS_\w|JOINT_\d+"
 _READ_KEYS = r"MAX_(LINEAR_)?(VELOCITY|ACCELERATION|JERK)|COORDINATES|(LINEAR|ANGULAR)_UNITS|SERVO_PERIOD|KINEMATICS"
 
@@ -146,14 +147,14 @@ def _axis(sections: Sections, letter: str, joints: dict[str, list[int]], unit: f
     names = [f"AXIS_{letter}", *(f"JOINT_{number}" for number in joints.get(letter, []))]
     suffix = "rad" if letter in ROTARY_AXES else "mm"
     row: dict[str, Any] = {"name": letter}
-    for order, (what, key) in enumerate(_AXIS.items(), 1):
+    for quantity, key in _AXIS.items():
         given = [
             _positive(sections[name][key], f"[{name}]{key}", where) for name in names if key in sections.get(name, {})
         ]
-        if not given and what != "jerk":
+        if not given and quantity is not JERK:
             places = " or ".join(f"[{name}]{key}" for name in names)
             raise InputError(f"{where}: {places} is missing; axis {letter} needs it (#INCLUDE is not followed)")
-        row[f"{what}_{suffix}_s{order if order > 1 else ''}"] = unit * min(given, default=math.inf)
+        row[quantity.file_key(suffix)] = unit * min(given, default=math.inf)
     return row
 
 

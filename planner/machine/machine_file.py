@@ -85,7 +85,7 @@ def _limits_from_table(table: dict[str, Any], where: str) -> Limits:
         known = isinstance(name, str) and name in AXES
         turns = known and name in ROTARY_AXES
         found = _validated(rotary if turns else linear, axis, where, f"axis[{i}] ({name})" if known else f"axis[{i}]")
-        rows.append({"name": name} | {q.key: found[file_key(q.key, "rad" if turns else "mm")] for q in AXIS})
+        rows.append({"name": name} | {q.key: found[q.file_key("rad" if turns else "mm")] for q in AXIS})
     names = [row["name"] for row in rows]
     twice = [name for name in names if names.count(name) > 1]
     if twice:
@@ -134,7 +134,7 @@ def _file_models() -> tuple[type[BaseModel], type[BaseModel], type[BaseModel]]:
     required = {q.key for q in QUANTITIES if q.required}
 
     def of_axis(length: str, names: object) -> Any:
-        keys: dict[str, Any] = {"name": (names, ...)} | {file_key(q.key, length): (positive, ...) for q in AXIS}
+        keys: dict[str, Any] = {"name": (names, ...)} | {q.file_key(length): (positive, ...) for q in AXIS}
         return create_model("Axis", __config__=strict, **keys)
 
     head: dict[str, Any] = {
@@ -146,9 +146,7 @@ def _file_models() -> tuple[type[BaseModel], type[BaseModel], type[BaseModel]]:
     return machine, linear, of_axis("rad", Literal["A", "B", "C"])
 
 
-def file_key(name: str, length: str = "mm") -> str:
-    """Key of a machine file, which names its unit: ``jerk_mm_s3``, ``period_s``."""
-    if name == PERIOD:
-        return f"{PERIOD}_s"
-    quantity = FEED if name == RAPID else next(q for q in QUANTITIES if q.key == name)
-    return f"{name}_{quantity.suffix(length)}"
+def file_key(name: str) -> str:
+    """Key in a machine file of what is one number, which names its unit: ``feed_mm_s``, ``period_s``."""
+    keys = {q.key: q.file_key() for q in QUANTITIES} | {PERIOD: f"{PERIOD}_s", RAPID: f"{RAPID}_{FEED.suffix()}"}
+    return keys[name]

@@ -38,6 +38,7 @@ from planner.plan.section import Section, cut
 from planner.plan.stage import WORTH_SAYING
 from planner.plan.utilisation import utilisation
 from planner.profile import FeedrateProfile, make_profile
+from planner.quantity import ACCELERATION, TANGENTIAL_ACCELERATION
 from planner.status import Status, Work
 from planner.types import FloatArray, Progress
 
@@ -204,7 +205,7 @@ def _require_continued(curve: Curve, limits: Limits, start_feed: float, start_ac
         raise InputError(f"start_acceleration is kept by the methods optimal and nlp, not by {method!r}")
     if abs(start_acceleration) >= limits.tangential_acceleration * _LARGEST_SHARE:
         raise InfeasibleError(
-            f"start_acceleration = {start_acceleration:g} mm/s^2 must stay below the tangential acceleration, "
+            f"start_acceleration = {start_acceleration:g} mm/s^2 must stay below the {TANGENTIAL_ACCELERATION.label}, "
             f"{limits.tangential_acceleration:g} mm/s^2"
         )
     q, tip = (part.derivatives(curve.domain[0], 2) for part in (curve, curve.tip))
@@ -216,7 +217,7 @@ def _require_continued(curve: Curve, limits: Limits, start_feed: float, start_ac
         if size >= most * _LARGEST_SHARE:
             raise InfeasibleError(
                 f"start_acceleration = {start_acceleration:g} mm/s^2 at {start_feed:g} mm/s takes {size:.9g} of "
-                f"acceleration {axis}, which must stay below {most:g}; lower it, or the feed"
+                f"{ACCELERATION.of(axis)}, which must stay below {most:g}; lower it, or the feed"
             )
 
 

@@ -151,8 +151,7 @@ def _certified(
     """Bound of a section, and the multipliers that prove it."""
     # Knots that follow |C'|: within a cell it must not change so much that the sums over the cell do not see it.
     guess = scan(section, limits, intervals, follow=True)
-    has_jerk = np.isfinite(limits.jerk).any() or np.isfinite(limits.tangential_jerk)
-    section = with_blends(section, guess) if has_jerk else replace(section, blend_start=0.0, blend_end=0.0)
+    section = with_blends(section, guess) if limits.has_jerk else replace(section, blend_start=0.0, blend_end=0.0)
     track = Track.on(section, limits, place_knots(section, guess, intervals, follow=True))
     falling = track.falling
     if falling.size:

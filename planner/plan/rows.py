@@ -10,6 +10,9 @@ and the tangential limits are the same rows for one more "axis", the arc length 
 
     x / cap <= 1,     |alpha x + beta a| <= 1,     |r . (x, a, c)| <= x^(-1/2).
 
+Each limit may have bounds of different size: with lower < 0 < upper in place of -1 and 1, and times x^(-1/2) where there is
+a jerk.  Every row knows the limit that it is of, and so does every multiplier; which place it has in an array says nothing.
+
 They are collocated at the knots and at the midpoints of the intervals.  Lengths and times are scaled so that the mean
 interval has length 1 and takes about the time 1: a solver never sees millimetres or seconds, and the same path in other
 units gives the same arrays.
@@ -17,16 +20,18 @@ units gives the same arrays.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.geometry.differential import acceleration_terms, chain_rule, jerk_terms, speed_derivatives
+from planner.machine.limit_rows import LimitRow, limit_rows
 from planner.machine.limits import Limits, chord_feed_limit, commanded_feed
 from planner.plan.ends import Feed
 from planner.plan.knots import STEP_SHARE, Grid, Scan
 from planner.plan.section import Section, axis_weights, evaluate
+from planner.quantity import ACCELERATION, CHORD_ERROR, FEED, JERK, VELOCITY
 from planner.types import FloatArray
 
 # Steps of the acceleration at curvature jumps make up to half of the samples' jerk (STEP_SHARE), and the plan's own jerk
@@ -41,6 +46,33 @@ _LARGEST_SLOWING, _HALVINGS, _JUMPS_AT_ONCE = 14.0, 16, 10_000
 
 
 @dataclass(frozen=True, eq=False)
+class Rows:
+    """Rows  lower <= r . (x, a[, c]) <= upper,  one for each limit.
+
+    ``of (m,)``: the limits they are of, scaled as these say; ``r (m, 2 or 3, p)``: coefficients at the points.
+    """
+
+    of: tuple[LimitRow, ...]
+    r: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.of)
+
+    @property
+    def bounds(self) -> FloatArray:
+        """Sizes (m, 2) of the upper and of the lower bound of the scaled rows."""
+        return np.array([(upper, -lower) for lower, upper in (row.bounds for row in self.of)]).reshape(-1, 2)
+
+    def times(self, factor: FloatArray | float) -> Rows:
+        """The same limits, tightened by factors of at least 1, (p,)."""
+        return replace(self, r=np.ascontiguousarray(self.r * factor))
+
+    def with_more(self, other: Rows) -> Rows:
+        """These and others."""
+        return Rows((*self.of, *other.of), np.concatenate([self.r, other.r]))
+
+
+@dataclass(frozen=True, eq=False)
 class Constraints:
     """What a solver sees of a path and a machine, in units of ``length_unit`` (of sigma) and ``time_unit`` (s).
 
@@ -52,10 +84,10 @@ class Constraints:
         Interval lengths; 0 between the two knots of a double one.
     cap : (2n - 1,) array
         Largest x at each point.
-    acceleration : (m, 2, 2n - 1) array
-        Rows (alpha, beta) of the m axes that have an acceleration limit.
-    jerk : (l, 3, 2n - 1) array
-        Rows r of the l axes that have a jerk limit.
+    acceleration : Rows
+        (alpha, beta) of the limits on accelerations.
+    jerk : Rows
+        r of the limits on jerks; their bounds are those of the rows times x^(-1/2).
     weight : (2n - 1,) array
         Simpson weights: the time is sum(weight * x^(-1/2)).
     start, end : float
@@ -72,8 +104,8 @@ class Constraints:
 
     h: FloatArray
     cap: FloatArray
-    acceleration: FloatArray
-    jerk: FloatArray
+    acceleration: Rows
+    jerk: Rows
     weight: FloatArray
     start: float
     end: float
@@ -93,11 +125,16 @@ class Constraints:
         z[2, 1::2] = 0.5 * (bend + after)
         share = np.sqrt(np.maximum(z[0], 0.0))
         out = share / np.sqrt(self.cap)
-        for row in self.acceleration:
-            np.maximum(out, np.abs(row[0] * z[0] + row[1] * z[1]), out=out)
-        for row in self.jerk:
-            np.maximum(out, np.abs(row[0] * z[0] + row[1] * z[1] + row[2] * z[2]) * share, out=out)
+        for row, bounds in zip(self.acceleration.r, self.acceleration.bounds, strict=True):
+            np.maximum(out, used_share(row[0] * z[0] + row[1] * z[1], bounds), out=out)
+        for row, bounds in zip(self.jerk.r, self.jerk.bounds, strict=True):
+            np.maximum(out, used_share(row[0] * z[0] + row[1] * z[1] + row[2] * z[2], bounds) * share, out=out)
         return out
+
+
+def used_share(values: FloatArray, bounds: FloatArray) -> FloatArray:
+    """Share of the bound on its own side that each value uses."""
+    return np.asarray(np.maximum(values / bounds[0], -values / bounds[1]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,11 +200,11 @@ def build(
     tau = duration / grid.intervals
     cap = speed_cap(limits, path)
     rows_a, rows_j = acceleration_rows(limits, path), jerk_rows(limits, path)
-    rows_j = np.concatenate([rows_j, _ramp_rows(section, limits, sigma, path)]) if len(rows_j) else rows_j
+    rows_j = rows_j.with_more(_ramp_rows(section, limits, sigma, path)) if len(rows_j) else rows_j
     if section.jumps:
         _soften_jumps(section, limits, grid, path, cap, rows_j)
-    rows_a[:, :, empty] = 0.0
-    rows_j[:, :, empty] = 0.0
+    rows_a.r[:, :, empty] = 0.0
+    rows_j.r[:, :, empty] = 0.0
     weight = np.zeros(2 * n - 1)
     weight[0:-1:2] += h / 6.0
     weight[1::2] += 4.0 * h / 6.0
@@ -187,8 +224,8 @@ def build(
     constraints = Constraints(
         h=h / scale,
         cap=cap / per_x,
-        acceleration=np.ascontiguousarray(rows_a * units_a),
-        jerk=np.ascontiguousarray(rows_j * units_j),
+        acceleration=rows_a.times(units_a),
+        jerk=rows_j.times(units_j),
         weight=weight / scale,
         start=start,
         end=end,
@@ -201,63 +238,66 @@ def build(
     return constraints, path
 
 
-def speed_limits(limits: Limits, path: Path) -> FloatArray:
-    """Largest sigma_dot at each point by feed, chord error and each axis velocity, (2 + dim, p)."""
+def speed_limits(limits: Limits, path: Path) -> dict[str, FloatArray]:
+    """Largest sigma_dot at each point (p,) by feed, chord error and each axis velocity, by the limit's name."""
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         feed = path.feed / path.tip[1]
         chord = chord_feed_limit(path.curvature, limits) / path.tip[1]
         velocity = limits.velocity / np.abs(path.axes[1])
-    rows = np.vstack([feed, chord, velocity.T])
-    return np.where(np.isnan(rows), np.inf, rows)
+    found = {FEED.label: feed, CHORD_ERROR.label: chord}
+    found |= {VELOCITY.of(axis): row for axis, row in zip(limits.axes, velocity.T, strict=True)}
+    return {name: np.where(np.isnan(row), np.inf, row) for name, row in found.items()}
 
 
 def speed_cap(limits: Limits, path: Path) -> FloatArray:
     """Largest x that feed, chord error and axis velocities allow at each point."""
-    return np.asarray(speed_limits(limits, path).min(axis=0) ** 2)
+    return np.asarray(np.min(list(speed_limits(limits, path).values()), axis=0) ** 2)
 
 
-def _motions(limits: Limits, path: Path) -> list[tuple[FloatArray, float, float]]:
-    """Derivatives of each axis and of the tip's arc length, with its acceleration and jerk limit."""
-    axes = [(path.axes[:, :, j], limits.acceleration[j], limits.jerk[j]) for j in range(limits.dim)]
-    return [*axes, (path.tip, limits.tangential_acceleration, limits.tangential_jerk)]
+def acceleration_rows(limits: Limits, path: Path) -> Rows:
+    """Rows (alpha, beta) of the limits on accelerations of the axes and of the tip's arc length, scaled."""
+    of = tuple(row for row in limit_rows(limits) if row.order == ACCELERATION.order)
+    found = [row.weights[1] * acceleration_terms(q[1], q[2]) / row.scale for row, q in _with_motions(of, path)]
+    return Rows(of, np.array(found).reshape(len(of), 2, path.curvature.size))
 
 
-def acceleration_rows(limits: Limits, path: Path) -> FloatArray:
-    """Rows (m, 2, p) of the axes (and of the tip's arc length) that have a finite acceleration limit, scaled to 1."""
-    rows = [acceleration_terms(q[1], q[2]) / bound for q, bound, _ in _motions(limits, path) if np.isfinite(bound)]
-    return np.array(rows).reshape(len(rows), 2, path.curvature.size)
+def jerk_rows(limits: Limits, path: Path) -> Rows:
+    """Rows r of the limits on jerks of the axes and of the tip's arc length, scaled."""
+    of = tuple(row for row in limit_rows(limits) if row.order == JERK.order)
+    found = [row.weights[2] * jerk_terms(q[1], q[2], q[3]) / row.scale for row, q in _with_motions(of, path)]
+    return Rows(of, np.array(found).reshape(len(of), 3, path.curvature.size))
 
 
-def jerk_rows(limits: Limits, path: Path) -> FloatArray:
-    """Rows (l, 3, p) of the axes (and of the tip's arc length) that have a finite jerk limit, scaled to 1."""
-    rows = [jerk_terms(q[1], q[2], q[3]) / bound for q, _, bound in _motions(limits, path) if np.isfinite(bound)]
-    return np.array(rows).reshape(len(rows), 3, path.curvature.size)
+def _with_motions(of: tuple[LimitRow, ...], path: Path) -> list[tuple[LimitRow, FloatArray]]:
+    """Each limit with the derivatives (4, p) of its motion over sigma: of an axis, or of the tip's arc length."""
+    return [(row, path.axes[:, :, row.motion] if row.axis else path.tip) for row in of]
 
 
-def _ramp_rows(section: Section, limits: Limits, sigma: FloatArray, path: Path) -> FloatArray:
-    """Jerk rows (l, 3, p), in the rest blends only, of axes that have an acceleration limit but none of the jerk.
+def _ramp_rows(section: Section, limits: Limits, sigma: FloatArray, path: Path) -> Rows:
+    """Jerk rows, in the rest blends only, of axes that have an acceleration limit but none of the jerk.
 
     Such an axis may leave a stop at full acceleration, but the law of a plan begins with none: without a ramp its quintic
     would overshoot, however short the interval.  The ramp takes _RAMP periods.
     """
     blends = (sigma < section.blend_start) | (section.span - sigma < section.blend_end)
-    rows = [
-        jerk_terms(path.axes[1, :, j], path.axes[2, :, j], path.axes[3, :, j]) * blends * _RAMP * limits.period / bound
-        for j, bound in enumerate(limits.acceleration)
-        if np.isfinite(bound) and not np.isfinite(limits.jerk[j])
+    of = tuple(
+        row
+        for row in limit_rows(limits)
+        if row.axis and row.order == ACCELERATION.order and not np.isfinite(limits.jerk[row.motion])
+    )
+    found = [
+        jerk_terms(q[1], q[2], q[3]) * blends * _RAMP * limits.period / row.scale for row, q in _with_motions(of, path)
     ]
-    return np.array(rows).reshape(len(rows), 3, sigma.size)
+    return Rows(of, np.array(found).reshape(len(of), 3, sigma.size))
 
 
-def _soften_jumps(
-    section: Section, limits: Limits, grid: Grid, path: Path, cap: FloatArray, rows_j: FloatArray
-) -> None:
+def _soften_jumps(section: Section, limits: Limits, grid: Grid, path: Path, cap: FloatArray, rows_j: Rows) -> None:
     """Lower the cap at curvature jumps and halve the jerk within three periods of them."""
     first = grid.left[np.searchsorted(grid.u[grid.left], [b.u for b in section.jumps])]
     at = grid.sigma[first]
     # The tip's arc length bends with the axes where these are weighted: sigma is that of the machine axes.
     every = np.concatenate([path.axes, path.tip[:, :, None]], axis=2)
-    jerk = np.append(limits.jerk, limits.tangential_jerk)
+    jerk = limits.of_motions(JERK.order)
     step = every[2, 2 * first + 2] - every[2, 2 * first]
     slope = np.abs(path.axes[1, 2 * first])
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -273,7 +313,7 @@ def _soften_jumps(
     lo = np.maximum(np.searchsorted(grid.sigma, at - reach, side="right") - 1, 0)
     hi = np.minimum(np.searchsorted(grid.sigma, at + reach, side="left"), grid.sigma.size - 1)
     edges = np.bincount(2 * lo, minlength=cap.size + 1) - np.bincount(2 * hi + 1, minlength=cap.size + 1)
-    rows_j[:, :, np.cumsum(edges[:-1]) > 0] /= _JERK_COLLOCATED
+    rows_j.r[:, :, np.cumsum(edges[:-1]) > 0] /= _JERK_COLLOCATED
 
 
 def _together(at: FloatArray, step: FloatArray, alone: FloatArray, period: float) -> FloatArray:

@@ -28,6 +28,7 @@ from planner.geometry.differential import dot
 from planner.machine.limits import COMMANDS, Limits
 from planner.plan.rows import Constraints, Path, speed_limits
 from planner.plan.solvers.interior import Iterate
+from planner.quantity import CHORD_ERROR, FEED, JERK
 
 _PERCENT = 0.01
 _LOWERED = 1e-9
@@ -37,36 +38,29 @@ _LOWERED = 1e-9
 class SpeedBound:
     """Which limit sets the largest x at each point, and how x grows with it.
 
-    ``which (p,)``: index into :meth:`names`; ``power (p,)``: by how many percent x grows with one percent of the limit.
+    ``names``: the limits on the speed, and those of the jerk, which limit it at jumps; ``which (p,)``: index into them;
+    ``power (p,)``: by how many percent x grows with one percent of the limit.
     """
 
+    names: tuple[str, ...]
     which: NDArray[np.int8]
     power: NDArray[np.float32]
-
-    @staticmethod
-    def names(axes: tuple[str, ...]) -> list[str]:
-        """Limits on the speed, those of jumps (by jerk) last."""
-        return [
-            COMMANDS[0],
-            "chord error",
-            *(f"velocity {axis}" for axis in axes),
-            *COMMANDS[1:],
-            *(f"jerk {axis}" for axis in axes),
-        ]
 
     @classmethod
     def of(cls, limits: Limits, path: Path, problem: Constraints, command: NDArray[np.int8]) -> SpeedBound:
         """At the points of a problem, before its limits are tightened; ``command (p,)``: see ``limits.command_kind``."""
         bounds = speed_limits(limits, path)
-        which = np.argmin(bounds, axis=0)
-        lowest = bounds.min(axis=0)
+        names = (*bounds, *COMMANDS[1:], *(JERK.of(axis) for axis in limits.axes))
+        at_jumps = len(names) - limits.dim
+        stacked = np.stack(list(bounds.values()))
+        which, lowest = np.argmin(stacked, axis=0), stacked.min(axis=0)
         power = np.where(np.isfinite(lowest), 2.0, 0.0).astype(np.float32)
-        at = np.flatnonzero(which == 1)
+        at = np.flatnonzero(which == names.index(CHORD_ERROR.label))
         radius = 1.0 / path.curvature[at]
         error = np.minimum(limits.chord_error, radius)
         power[at] = 2.0 * (radius - error) / (2.0 * radius - error)
-        programmed = 2 + limits.dim
-        which = np.where(which == 0, np.array([0, programmed, programmed + 1])[command], which)
+        commands = np.array([names.index(name) for name in COMMANDS])
+        which = np.where(which == names.index(FEED.label), commands[command], which)
         per_x = (problem.length_unit / problem.time_unit) ** 2
         lowered = problem.cap * per_x < lowest**2 * (1.0 - _LOWERED)
         jump = 2 * np.flatnonzero((problem.h == 0.0) & lowered[1::2])
@@ -75,14 +69,12 @@ class SpeedBound:
             axis = np.argmin(limits.jerk / step, axis=1)
         for k in (0, 1, 2):
             here = jump + k
-            which[here] = np.where(lowered[here], programmed + 2 + axis, which[here])
+            which[here] = np.where(lowered[here], at_jumps + axis, which[here])
             power[here] = np.where(lowered[here], 1.0, power[here])
-        return cls(which.astype(np.int8), power)
+        return cls(names, which.astype(np.int8), power)
 
 
-def saved_by_one_percent(
-    iterate: Iterate, bound: SpeedBound, limits: Limits, axes: tuple[str, ...]
-) -> dict[str, float]:
+def saved_by_one_percent(iterate: Iterate, bound: SpeedBound) -> dict[str, float]:
     """Seconds that one percent more of each limit would save.
 
     Parameters
@@ -91,8 +83,6 @@ def saved_by_one_percent(
         The optimum of a section.
     bound : SpeedBound
         What limits the speed at its points.
-    limits : Limits
-    axes : tuple of str
 
     Returns
     -------
@@ -101,29 +91,11 @@ def saved_by_one_percent(
     """
     # row by row: a long path has no memory to spare
     pace = iterate.z[0] ** -0.5
-    worth = [
-        float(dot(dual[0], pace) + dot(dual[1], pace)) if jerk else float(dual.sum())
-        for dual, jerk in zip(iterate.dual, iterate.jerk, strict=True)
-    ]
     # the speed row is the lowest of several limits at each point
-    names = bound.names(axes)
-    by_name = np.bincount(bound.which, iterate.dual[0, 0] * bound.power, len(names))
-    saved = dict(zip(names, by_name.tolist(), strict=True))
-    for name, value in zip(_rows(limits, axes), worth[1:], strict=True):
-        saved[name] = saved.get(name, 0.0) + value
+    by_name = np.bincount(bound.which, iterate.dual[0, 0] * bound.power, len(bound.names))
+    saved = dict(zip(bound.names, by_name.tolist(), strict=True))
+    for of, dual, jerk in zip(iterate.of, iterate.dual, iterate.jerk, strict=True):
+        if of is not None:  # both bounds of a scaled row move by as much as the limit
+            worth = float(dot(dual[0], pace) + dot(dual[1], pace)) if jerk else float(dual.sum())
+            saved[of.name] = saved.get(of.name, 0.0) + worth
     return {name: _PERCENT * value for name, value in saved.items() if value > 0.0}
-
-
-def _rows(limits: Limits, axes: tuple[str, ...]) -> list[str]:
-    """Limits of the rows of a problem after the one of the speed, as ``constraints.build`` stacks them."""
-    named = [(f" {axis}", j) for j, axis in enumerate(axes)]
-    found = [f"acceleration{axis}" for axis, j in named if np.isfinite(limits.acceleration[j])]
-    found += ["tangential acceleration"] * bool(np.isfinite(limits.tangential_acceleration))
-    jerk = [f"jerk{axis}" for axis, j in named if np.isfinite(limits.jerk[j])]
-    jerk += ["tangential jerk"] * bool(np.isfinite(limits.tangential_jerk))
-    ramps = [
-        f"acceleration{axis}"
-        for axis, j in named
-        if np.isfinite(limits.acceleration[j]) and not np.isfinite(limits.jerk[j])
-    ]
-    return found + jerk + (ramps if jerk else [])

@@ -92,8 +92,8 @@ def _tightened(
     return replace(
         problem,
         cap=cap,
-        acceleration=np.ascontiguousarray(problem.acceleration * acceleration),
-        jerk=np.ascontiguousarray(problem.jerk * jerk),
+        acceleration=problem.acceleration.times(acceleration),
+        jerk=problem.jerk.times(jerk),
     )
 
 
@@ -215,7 +215,7 @@ class Stage:
     def _saved(self, task: Task, solution: Solution) -> Mapping[str, float]:
         if solution.iterate is None:
             return {}
-        saved = saved_by_one_percent(solution.iterate, self.speed, task.limits, task.section.curve.axes)
+        saved = saved_by_one_percent(solution.iterate, self.speed)
         return {name: value * self.problem.time_unit for name, value in saved.items()}
 
     def next(

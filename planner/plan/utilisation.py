@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from planner.geometry.curve import Curve
 from planner.law import TimeLaw, quintic_coefficients
+from planner.machine.limit_rows import limit_rows
 from planner.machine.limits import Limits, commanded_feed
 from planner.plan.rows import JERK_BESIDE_STEP, PERIODS_AROUND_STEP
 from planner.types import FloatArray
@@ -97,12 +98,31 @@ def _chunk(
     quintic[0] = law.u[index]
     feed = commanded_feed(curve, limits, 0.5 * (law.u[index] + law.u[index + 1]))  # steps only at nodes
     spans = np.stack([h, law.u[index], law.u[index + 1], end, digit, feed, points])
-    rows = np.stack([limits.velocity, limits.acceleration, limits.jerk])
-    scalars = np.array([limits.chord_error, limits.period, limits.tangential_acceleration, limits.tangential_jerk])
+    found = limit_rows(limits)
+    # An axis' weights are scaled beforehand, those of the arc length with the bounds: each is rounded once.
+    rows = np.array(
+        [
+            [*np.multiply(row.weights, 1.0 / row.scale), *row.bounds]
+            if row.axis
+            else [*row.weights, row.lower, row.upper]
+            for row in found
+        ]
+    )
+    kinds = np.array([(row.motion, row.order - 1) for row in found], dtype=np.int64)
     out = np.empty((4, index.size))
     axes, tip = (
         (part.breaks, part.coefficients, part.rational, part.resting, part.origin)
         for part in (curve.pieces, curve.tip.pieces)
     )
-    shares(axes, tip, curve.tip is curve, quintic, spans, rows, scalars, out)
+    shares(
+        axes,
+        tip,
+        curve.tip is curve,
+        quintic,
+        spans,
+        rows.reshape(-1, 5),
+        kinds.reshape(-1, 2),
+        (limits.chord_error, limits.period),
+        out,
+    )
     return out

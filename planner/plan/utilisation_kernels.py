@@ -11,20 +11,20 @@ from planner.geometry.differential_kernels import chain_rule, rates_along, speed
 _MOST_PARTS = 80  # that an interval is cut into
 _PARABOLA = 0.07  # its error through four points, against their third difference: max |x (x^2 - 1)| / 6
 _PRECISE = 3e-7  # as a share of a limit
+KINDS = types.Array(types.int64, 2, "C", readonly=True)
 # (breaks, coefficients, rational, resting, origin) of the pieces of a curve
 PIECES = types.Tuple((READ1, READ3, FLAG, FLAGS2, READ2))
 
 
 @njit(forceinline=True, error_model="numpy")
-def _shares_at(q, tip, u1, u2, u3, feed, per_limit, scalars, out):
-    """Shares of all limits used at a point: velocities and feed, accelerations, jerks."""
+def _rates(q, tip, u1, u2, u3, rates):
+    """Write velocity, acceleration and jerk of every motion into ``rates (motions, 3)``: the axes, and last the arc length.
+
+    Returns of the arc length of the tip the square of its derivative by u, the derivative and the second one.
+    """
     dim = q.shape[1]
     for j in range(dim):
-        velocity, acceleration, jerk = chain_rule(q[1, j], q[2, j], q[3, j], u1, u2, u3)
-        out[j] = abs(velocity) * per_limit[0, j]
-        out[dim + 2 + j] = abs(acceleration) * per_limit[1, j]
-        out[2 * dim + 3 + j] = abs(jerk) * per_limit[2, j]
-    chord, period, along2, along3 = scalars[0], scalars[1], scalars[2], scalars[3]
+        rates[j, 0], rates[j, 1], rates[j, 2] = chain_rule(q[1, j], q[2, j], q[3, j], u1, u2, u3)
     dot11 = dot12 = dot13 = dot22 = 0.0
     for j in range(tip.shape[1]):
         d1, d2, d3 = tip[1, j], tip[2, j], tip[3, j]
@@ -33,45 +33,55 @@ def _shares_at(q, tip, u1, u2, u3, feed, per_limit, scalars, out):
         dot13 += d1 * d3
         dot22 += d2 * d2
     s1, s2, s3 = speed_derivatives(dot11, dot12, dot22 + dot13)
-    out[dim] = s1 * abs(u1) / feed
-    out[dim + 1] = out[2 * dim + 2] = out[3 * dim + 3] = 0.0
-    if not s1 > 0.0:
-        return
-    if np.isfinite(chord):
+    rates[dim, 0], rates[dim, 1], rates[dim, 2] = s1 * u1, 0.0, 0.0
+    if s1 > 0.0:
+        rates[dim, 0], rates[dim, 1], rates[dim, 2] = rates_along(s1, s2, s3, u1, u2, u3)
+    return dot11, s1, s2
+
+
+@njit(forceinline=True, error_model="numpy")
+def _shares_at(q, tip, u1, u2, u3, feed, rows, kinds, chords, rates, out):
+    """Shares of all limits used at a point: of the feed, of the chord error, and of each row."""
+    dot11, s1, s2 = _rates(q, tip, u1, u2, u3, rates)
+    chord, period = chords
+    out[0] = s1 * abs(u1) / feed
+    out[1] = 0.0
+    for r in range(kinds.shape[0]):
+        j, value = kinds[r, 0], 0.0
+        for k in range(3):
+            if rows[r, k] != 0.0:
+                value += rows[r, k] * rates[j, k]
+        out[2 + r] = value / (rows[r, 4] if value > 0.0 else rows[r, 3])
+    if s1 > 0.0 and np.isfinite(chord):
         normal = 0.0
         for j in range(tip.shape[1]):
             normal += (tip[2, j] - s2 / s1 * tip[1, j]) ** 2
         if normal > 0.0:
             radius = dot11 / np.sqrt(normal)
             error = min(chord, radius)
-            out[dim + 1] = s1 * abs(u1) * period / (2.0 * np.sqrt(error * (2.0 * radius - error)))
-    _, acceleration, jerk = rates_along(s1, s2, s3, u1, u2, u3)
-    out[2 * dim + 2] = abs(acceleration) / along2
-    out[3 * dim + 3] = abs(jerk) / along3
+            out[1] = s1 * abs(u1) * period / (2.0 * np.sqrt(error * (2.0 * radius - error)))
 
 
 @njit(forceinline=True, error_model="numpy")
-def _grant(q, tip, digit, h, feed, per_limit, scalars, out):
+def _grant(q, tip, digit, h, feed, rows, kinds, out):
     """Shares of the limits that rounding makes of a quintic of duration h.
 
     Half a digit of u at both ends is worth up to 2, 6 and 60 of it over h, h^2 and h^3; nine tenths of that are granted
     here, all of it by the check: nothing on a path of metres, all of the jerk at the end of one of 100 km, where no table
     in double precision says more.
     """
-    dim = q.shape[1]
-    first, second, third = 1.8 * digit / h, 5.4 * digit / h**2, 54.0 * digit / h**3
-    for j in range(dim):
-        size = abs(q[1, j])
-        out[j] = first * size * per_limit[0, j]
-        out[dim + 2 + j] = second * size * per_limit[1, j]
-        out[2 * dim + 3 + j] = third * size * per_limit[2, j]
+    digits = (1.8 * digit / h, 5.4 * digit / h**2, 54.0 * digit / h**3)
     speed = 0.0
     for j in range(tip.shape[1]):
         speed += tip[1, j] ** 2
     speed = np.sqrt(speed)
-    out[dim] = first * speed / feed
-    out[2 * dim + 2] = second * speed / scalars[2]
-    out[3 * dim + 3] = third * speed / scalars[3]
+    out[0] = digits[0] * speed / feed
+    for r in range(kinds.shape[0]):
+        j = kinds[r, 0]
+        size, granted = (abs(q[1, j]) if j < q.shape[1] else speed), 0.0
+        for k in range(3):
+            granted += digits[k] * size * abs(rows[r, k])
+        out[2 + r] = granted / min(rows[r, 4], -rows[r, 3])
 
 
 @njit(forceinline=True, error_model="numpy")
@@ -100,8 +110,12 @@ def _peak(values, points, granted):
     return top - granted, doubtful
 
 
-@njit(NOTHING(PIECES, PIECES, FLAG, READ2, READ2, READ2, READ1, WRITE2), cache=True, error_model="numpy")
-def shares(axes, tip, cartesian, quintic, spans, rows, scalars, out):
+@njit(
+    NOTHING(PIECES, PIECES, FLAG, READ2, READ2, READ2, KINDS, types.UniTuple(types.float64, 2), WRITE2),
+    cache=True,
+    error_model="numpy",
+)
+def shares(axes, tip, cartesian, quintic, spans, rows, kinds, chords, out):
     """Write the largest share of speed, acceleration and jerk limits used in each interval into ``out (4, n)``.
 
     The fourth row is the largest rate at which u falls back, 1/s.
@@ -110,12 +124,13 @@ def shares(axes, tip, cartesian, quintic, spans, rows, scalars, out):
     parameter u is ``quintic[:, i]`` (ascending powers of the time since its start); ``spans[:, i]`` are its duration, its
     smallest and largest u, the end of its stretch between breaks, what a digit of the law is worth in u, the feed limit,
     and into how many equal parts it is cut to be looked at: into twice as many, at most _MOST_PARTS, until the parabolas
-    between points tell whether a limit is kept.  ``rows (3, dim)``: velocity, acceleration and jerk limits; ``scalars``:
-    chord error, period, tangential acceleration and jerk.
+    between points tell whether a limit is kept.  ``rows (m, 5)``: weights of velocity, acceleration and jerk in each
+    limit row, and its lower and upper bound; ``kinds (m, 2)``: its motion (the axes, last the arc length of
+    the tip), and whether it is about speeds (0), accelerations (1) or jerks (2); ``chords``: chord error and period.
     """
-    dim, count = rows.shape[1], 3 * rows.shape[1] + 4
+    dim, count = axes[1].shape[1] - 1, 2 + rows.shape[0]
     values, new = np.empty((count, _MOST_PARTS + 1)), np.empty(count)
-    per_limit, granted = 1.0 / rows, np.zeros(count)
+    granted, rates = np.zeros(count), np.empty((dim + 1, 3))
     q = np.empty((4, dim))
     p = q if cartesian else np.empty((4, tip[1].shape[1] - 1))
     piece = tip_piece = 0
@@ -148,15 +163,15 @@ def shares(axes, tip, cartesian, quintic, spans, rows, scalars, out):
                 piece = point_on_pieces(axes[0], axes[1], axes[2], axes[3], axes[4], u, left, piece, q)
                 if not cartesian:
                     tip_piece = point_on_pieces(tip[0], tip[1], tip[2], tip[3], tip[4], u, left, tip_piece, p)
-                _shares_at(q, p, u1, u2, u3, feed, per_limit, scalars, new)
+                _shares_at(q, p, u1, u2, u3, feed, rows, kinds, chords, rates, new)
                 if n == 0:
-                    _grant(q, p, spans[4, i], h, feed, per_limit, scalars, granted)
+                    _grant(q, p, spans[4, i], h, feed, rows, kinds, granted)
                 for k in range(count):
                     values[k, n] = new[k]
             out[0, i] = out[1, i] = out[2, i] = 0.0
             doubtful = False
             for k in range(count):
-                kind = 0 if k < dim + 2 else (1 if k < 2 * dim + 3 else 2)
+                kind = 0 if k < 2 else kinds[k - 2, 1]
                 top, unsure = _peak(values[k], points, granted[k])
                 out[kind, i] = max(out[kind, i], top)
                 doubtful = doubtful or unsure

@@ -148,8 +148,8 @@ def test_tightening_divides_every_limit_but_a_prescribed_feed() -> None:
     assert tight.cap[0] == pytest.approx(problem.start, rel=2e-9)  # the feed limit itself is prescribed there
     assert tight.cap[0] > problem.start
     assert tight.cap[-1] == pytest.approx(problem.cap[-1] / margins[0][-1] ** 2, rel=1e-14)
-    assert np.array_equal(tight.acceleration, problem.acceleration * margins[1])
-    assert np.array_equal(tight.jerk, problem.jerk * margins[2])
+    assert np.array_equal(tight.acceleration.r, problem.acceleration.r * margins[1])
+    assert np.array_equal(tight.jerk.r, problem.jerk.r * margins[2])
 
 
 def test_a_reserve_is_left_from_its_parameter_on() -> None:
@@ -158,8 +158,8 @@ def test_a_reserve_is_left_from_its_parameter_on() -> None:
     kept = Stage.on(replace(task, section=replace(task.section, reserve=((middle, 0.2),))), stage.grid)
     after = stage.path.u[0] >= middle
     factor = np.where(after, 1.0 / 0.8, 1.0)
-    assert kept.problem.jerk == pytest.approx(stage.problem.jerk * factor, rel=1e-14)
-    assert kept.problem.acceleration == pytest.approx(stage.problem.acceleration * factor, rel=1e-14)
+    assert kept.problem.jerk.r == pytest.approx(stage.problem.jerk.r * factor, rel=1e-14)
+    assert kept.problem.acceleration.r == pytest.approx(stage.problem.acceleration.r * factor, rel=1e-14)
     assert kept.problem.cap == pytest.approx(stage.problem.cap / factor**2, rel=1e-14)
     assert 10 < np.count_nonzero(after) < after.size - 10
 
@@ -168,7 +168,7 @@ def test_a_prescribed_feed_leaves_two_millionths_of_every_limit() -> None:
     """Such a plan cannot be slowed down: what a solve uses too much between points must be left before."""
     task, stage = task_of(start=30.0)
     untouched = stages.build(task.section, task.limits, stage.grid, task.guess)[0]
-    assert stage.problem.jerk == pytest.approx(untouched.jerk * (1.0 + 2e-6), rel=1e-12)
+    assert stage.problem.jerk.r == pytest.approx(untouched.jerk.r * (1.0 + 2e-6), rel=1e-12)
     assert stage.problem.cap[1:] == pytest.approx(untouched.cap[1:] / (1.0 + 2e-6) ** 2, rel=1e-12)
 
 
@@ -201,12 +201,14 @@ def test_a_tightened_solve_begins_on_the_way_of_the_last_unless_a_feed_is_prescr
     assert attempt.waypoint is not None
     assert start.waypoint is (None if feeds else attempt.waypoint)
     assert tighter.grid is stage.grid
-    assert tighter.problem.jerk == pytest.approx(stage.problem.jerk * 1.002 * (1.0 + stages._MARGIN_STEP), rel=1e-12)
+    assert tighter.problem.jerk.r == pytest.approx(
+        stage.problem.jerk.r * 1.002 * (1.0 + stages._MARGIN_STEP), rel=1e-12
+    )
     reserved = replace(task, section=replace(task.section, reserve=((0.0, 0.1),)))
     gain = 2.0 if feeds else 1.0  # only what continues another plan is tightened by more
     tighter, _ = stage.next(reserved, attempt, used_of(jerk=share), may_split=False)
-    assert tighter.problem.jerk == pytest.approx(
-        stage.problem.jerk * (1.0 + 0.002 * gain) * (1.0 + stages._MARGIN_STEP), rel=1e-12
+    assert tighter.problem.jerk.r == pytest.approx(
+        stage.problem.jerk.r * (1.0 + 0.002 * gain) * (1.0 + stages._MARGIN_STEP), rel=1e-12
     )
 
 

@@ -97,9 +97,9 @@ def test_rows_are_velocity_acceleration_and_jerk_over_their_limits(formula_path)
     sddd = (c * np.sqrt(x) * length / time**3)[:, None]
     acceleration = (d[2] * v**2 + d[1] * sdd) / LIMITS.acceleration
     jerk = (d[3] * v**3 + 3.0 * d[2] * v * sdd + d[1] * sddd) / LIMITS.jerk
-    ours = np.stack([row[0] * x + row[1] * a for row in constraints.acceleration[:2]], axis=1)
+    ours = np.stack([row[0] * x + row[1] * a for row in constraints.acceleration.r[:2]], axis=1)
     assert ours == pytest.approx(acceleration, abs=1e-10 * np.abs(acceleration).max())
-    ours = np.stack([(r[0] * x + r[1] * a + r[2] * c) * np.sqrt(x) for r in constraints.jerk[:2]], axis=1)
+    ours = np.stack([(r[0] * x + r[1] * a + r[2] * c) * np.sqrt(x) for r in constraints.jerk.r[:2]], axis=1)
     assert ours == pytest.approx(jerk, abs=1e-9 * np.abs(jerk).max())
     speed = np.sqrt(np.sum(d[1] ** 2, axis=-1))
     velocities = np.abs(d[1]) * np.sqrt(constraints.cap)[:, None] * length / time
@@ -121,10 +121,10 @@ def test_last_rows_are_those_of_the_arc_length_of_the_tip(formula_path):
     q1, q2, q3 = d[1:, far]
     third = (np.sum(q1 * q3 + q2 * q2, axis=-1) - second**2) / first
     length, time = constraints.length_unit, constraints.time_unit
-    alpha, beta = constraints.acceleration[2][:, far]
+    alpha, beta = constraints.acceleration.r[2][:, far]
     assert beta == pytest.approx(first * length / time**2 / 700.0, rel=1e-7)
     assert alpha == pytest.approx(second * length**2 / time**2 / 700.0, abs=1e-5 * np.abs(alpha).max())
-    r = constraints.jerk[2][:, far]
+    r = constraints.jerk.r[2][:, far]
     assert r[2] == pytest.approx(first * length / time**3 / 9000.0, rel=1e-7)
     assert r[1] == pytest.approx(3.0 * second * length**2 / time**3 / 9000.0, abs=1e-5 * np.abs(r[1]).max())
     assert r[0] == pytest.approx(third * length**3 / time**3 / 9000.0, abs=1e-5 * np.abs(r[0]).max())
@@ -163,6 +163,12 @@ def test_arc_length_coordinate_runs_at_unit_speed_in_its_weights():
 # ---- scaling, weights, caps, ends ----------------------------------------------------------------------------------
 
 
+def array_of(constraints, field):
+    """A field of the constraints; of rows, their coefficients."""
+    found = getattr(constraints, field)
+    return getattr(found, "r", found)
+
+
 @pytest.mark.parametrize(("name", "intervals"), [("teardrop", 100), ("circle", 123), ("butterfly-nurbs", 100)])
 @pytest.mark.parametrize("factor", [1000.0, 2.0**-20])
 def test_the_same_path_in_other_units_gives_the_same_arrays(name, intervals, factor):
@@ -183,7 +189,7 @@ def test_the_same_path_in_other_units_gives_the_same_arrays(name, intervals, fac
     accuracy = 1e-12 if factor < 1.0 else 1e-7
     assert second.time_unit == pytest.approx(first.time_unit, rel=max(1e-12, 1e-3 * accuracy))
     for field in ("h", "cap", "acceleration", "jerk", "weight", "guess"):
-        ours, theirs = getattr(first, field), getattr(second, field)
+        ours, theirs = array_of(first, field), array_of(second, field)
         finite = np.isfinite(ours)
         assert np.array_equal(finite, np.isfinite(theirs))
         assert theirs[finite] == pytest.approx(ours[finite], rel=accuracy, abs=1e-12 * np.median(np.abs(ours[finite])))
@@ -195,7 +201,7 @@ def test_the_same_motion_in_another_unit_of_time_gives_the_same_arrays():
     first, second = (rows_of(load_curve("teardrop"), limits)[2] for limits in (fast, slow))
     assert second.time_unit == pytest.approx(10.0 * first.time_unit, rel=1e-9)
     for field in ("h", "cap", "acceleration", "jerk", "guess"):
-        assert getattr(second, field) == pytest.approx(getattr(first, field), rel=1e-7)
+        assert array_of(second, field) == pytest.approx(array_of(first, field), rel=1e-7)
 
 
 @pytest.mark.parametrize("name", ["teardrop", "circle", "flank"])
@@ -213,31 +219,34 @@ def test_empty_intervals_carry_no_rows():
     section, grid, constraints, _ = rows_of(load_curve("circle"), LIMITS)
     empty = 2 * np.flatnonzero(np.diff(grid.sigma) == 0.0) + 1
     assert empty.size == section.curve._candidate_breaks().size > 0
-    assert not constraints.acceleration[:, :, empty].any()
-    assert not constraints.jerk[:, :, empty].any()
+    assert not constraints.acceleration.r[:, :, empty].any()
+    assert not constraints.jerk.r[:, :, empty].any()
     assert not constraints.weight[empty].any()
 
 
 def test_rows_exist_for_finite_limits_only():
     some = Limits(np.inf, [np.inf, 100.0], [1000.0, np.inf], [np.inf, np.inf], tangential_jerk=5000.0)
     section, grid, constraints, path = rows_of(FORMULA, some)
-    assert constraints.acceleration.shape[:2] == (1, 2)
-    assert constraints.jerk.shape[:2] == (2, 3)
+    assert constraints.acceleration.r.shape[:2] == (1, 2)
+    assert constraints.jerk.r.shape[:2] == (2, 3)
     # X has an acceleration limit and none of the jerk: in the rest blends, and only there, its ramp takes half a period
     sigma = points_of(grid)
     inside = (sigma < section.blend_start) | (section.span - sigma < section.blend_end)
-    unit = constraints.jerk[0, 2, 5] / (path.tip[1, 5] / 5000.0)
+    unit = constraints.jerk.r[0, 2, 5] / (path.tip[1, 5] / 5000.0)
     ramp = path.axes[1, :, 0] * 0.5 * some.period / 1000.0 * unit
-    assert constraints.jerk[1, 2] == pytest.approx(
+    assert constraints.jerk.r[1, 2] == pytest.approx(
         np.where(inside, ramp, 0.0), rel=1e-9, abs=1e-12 * np.abs(ramp).max()
     )
-    assert np.array_equal(acceleration_rows(some, path)[0, 1], path.axes[1, :, 0] / 1000.0)
-    assert np.array_equal(jerk_rows(some, path)[0, 2], path.tip[1] / 5000.0)
+    assert np.array_equal(acceleration_rows(some, path).r[0, 1], path.axes[1, :, 0] / 1000.0)
+    assert np.array_equal(jerk_rows(some, path).r[0, 2], path.tip[1] / 5000.0)
     with np.errstate(divide="ignore"):
         assert speed_cap(some, path)[1:-1] == pytest.approx((100.0 / np.abs(path.axes[1, 1:-1, 1])) ** 2)
+    # each row knows its limit
+    assert [row.name for row in constraints.acceleration.of] == ["acceleration X"]
+    assert [row.name for row in constraints.jerk.of] == ["tangential jerk", "acceleration X"]
     none = Limits(50.0, [np.inf] * 2, [np.inf] * 2, [np.inf] * 2)
-    assert acceleration_rows(none, path).shape == (0, 2, path.curvature.size)
-    assert jerk_rows(none, path).shape == (0, 3, path.curvature.size)
+    assert acceleration_rows(none, path).r.shape == (0, 2, path.curvature.size)
+    assert jerk_rows(none, path).r.shape == (0, 3, path.curvature.size)
 
 
 def test_cap_is_the_smallest_of_feed_chord_and_velocities():
@@ -287,7 +296,7 @@ def test_velocity_and_acceleration_rows_vanish_at_a_stop():
     for end in (0, -1):
         assert not path.axes[1:3, end].any()
         assert np.abs(path.axes[3, end]).max() > 0.0
-        assert not constraints.acceleration[:, :, end].any()
+        assert not constraints.acceleration.r[:, :, end].any()
         assert constraints.cap[end] == np.inf
     assert (constraints.guess > 0.0).all()
     assert np.isfinite(constraints.guess).all()
@@ -305,10 +314,12 @@ def test_where_the_tip_rests_only_the_axes_count():
     assert inside.size > 10
     assert not path.tip[1:, inside].any()
     assert not path.curvature[inside].any()
-    assert not constraints.acceleration[3, :, inside].any()
+    assert not constraints.acceleration.r[3, :, inside].any()
     a = path.axes[1, inside, 2] * constraints.length_unit / constraints.time_unit
     assert constraints.cap[inside] == pytest.approx((2.0 / a) ** 2)
-    assert all(np.isfinite(array).all() for array in (constraints.acceleration, constraints.jerk, constraints.guess))
+    assert all(
+        np.isfinite(array).all() for array in (constraints.acceleration.r, constraints.jerk.r, constraints.guess)
+    )
     assert grid.intervals == pytest.approx(400, abs=3)
 
 
@@ -332,7 +343,7 @@ def test_a_curvature_jump_caps_the_step_of_the_acceleration(period):
         # a step D of the acceleration is a jerk of 0.75 D / period in the samples: half of the limit
         assert (0.75 * step * x[0] / period / limits.jerk).max() == pytest.approx(0.5, rel=1e-9)
         # the jerk beside it has the other half, and elsewhere all of it
-        ratio = jerk_of_tangents(constraints.jerk) / np.maximum(jerk_of_tangents(jerk_rows(limits, path)), 1e-12)
+        ratio = jerk_of_tangents(constraints.jerk.r) / np.maximum(jerk_of_tangents(jerk_rows(limits, path).r), 1e-12)
         beside = ratio > 1.5 * np.median(ratio)
         assert beside[[2 * k - 2, 2 * k - 1, 2 * k, 2 * k + 2, 2 * k + 3, 2 * k + 4]].all()
         assert np.ptp(ratio[beside]) <= 1e-9 * ratio.max()
@@ -355,7 +366,7 @@ def test_jumps_closer_than_a_few_periods_share_the_jerk():
     section, grid, constraints, path = rows_of(curve, limits, 1000)
     assert len(section.jumps) > 900
     unit = constraints.length_unit / constraints.time_unit
-    ours, plain = jerk_of_tangents(constraints.jerk), jerk_of_tangents(jerk_rows(limits, path))
+    ours, plain = jerk_of_tangents(constraints.jerk.r), jerk_of_tangents(jerk_rows(limits, path).r)
     there = (ours > 0.0) & (plain > 1e-9 * plain.max())
     ratio = ours[there] / plain[there]
     assert ratio.max() <= ratio.min() / 0.49 * (1.0 + 1e-9)

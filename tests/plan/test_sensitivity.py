@@ -243,7 +243,7 @@ def test_at_a_jump_the_axis_across_the_path_has_the_step(angle: float, binding: 
     problem, path = build(section, limits, grid, guess)
     bound = SpeedBound.of(limits, path, problem, np.zeros(path.u.shape[1], dtype=np.int8))
     (jump,) = 2 * np.flatnonzero(problem.h == 0.0)
-    names = [SpeedBound.names(curve.axes)[k] for k in bound.which[jump - 1 : jump + 4]]
+    names = [bound.names[k] for k in bound.which[jump - 1 : jump + 4]]
     assert names[1:4] == [f"jerk {binding}"] * 3
     assert {names[0], names[4]} <= {"velocity X", "velocity Y"}
     assert bound.power[jump - 1 : jump + 4].tolist() == [2.0, 1.0, 1.0, 1.0, 2.0]

@@ -1,7 +1,8 @@
 """Compiled passes of the time-optimal plan without a jerk limit; see ``accelerations.py``.
 
 Layout: ``rows (m, 2, n, p)``, ``cap (n, p)`` and ``offset (n, p)`` hold, for each of n intervals, p points from its left
-to its right end, both included.  With the offset w, the length h and the lean d (n,) of an interval, its points have
+to its right end, both included; ``bounds (m, 2)`` are the sizes of the upper and the lower bound of each row.  With the
+offset w, the length h and the lean d (n,) of an interval, its points have
 
     x = x_k + 2 w a + 2 d w (1 - w/h),     a + d (1 - 2 w/h)
 
@@ -21,8 +22,8 @@ _NEAR_BOUND = 0.98  # of a row's bound, from which on a law is taken to follow i
 _LARGEST_LEAN = 0.5  # of x / h: x does not bend back within an interval
 
 
-@njit(types.UniTuple(F64, 4)(READ4, READ2, READ2, I64, F64, F64, F64, F64), cache=True, error_model="numpy")
-def _control_range(rows, cap, offset, k, lean, x, floor, ceiling):
+@njit(types.UniTuple(F64, 4)(READ4, READ2, READ2, READ2, I64, F64, F64, F64, F64), cache=True, error_model="numpy")
+def _control_range(rows, bounds, cap, offset, k, lean, x, floor, ceiling):
     """Range of a on interval k from x: rows and 0 <= x <= cap at all of its points, and floor <= next x <= ceiling.
 
     Returns its lower and upper end, and how fast each moves with x.
@@ -42,10 +43,12 @@ def _control_range(rows, cap, offset, k, lean, x, floor, ceiling):
             alpha, beta = rows[r, 0, k, p], rows[r, 1, k, p]
             shift = alpha * bump + beta * tilt
             beta += reach * alpha
+            most, least = bounds[r, 0], bounds[r, 1]
             if beta < 0.0:
                 alpha, beta, shift = -alpha, -beta, -shift
+                most, least = least, most
             if beta > 0.0:
-                lower, upper = (-1.0 - shift - alpha * x) / beta, (1.0 - shift - alpha * x) / beta
+                lower, upper = (-least - shift - alpha * x) / beta, (most - shift - alpha * x) / beta
                 if lower > low:
                     low, low_slope = lower, -alpha / beta
                 if upper < high:
@@ -53,15 +56,15 @@ def _control_range(rows, cap, offset, k, lean, x, floor, ceiling):
     return low, high, low_slope, high_slope
 
 
-@njit(F64(READ4, READ2, READ2, I64, F64, F64, F64, F64, F64), cache=True, error_model="numpy")
-def _extreme(rows, cap, offset, k, lean, x, sign, floor, ceiling):
+@njit(F64(READ4, READ2, READ2, READ2, I64, F64, F64, F64, F64, F64), cache=True, error_model="numpy")
+def _extreme(rows, bounds, cap, offset, k, lean, x, sign, floor, ceiling):
     """Extreme x at the left of interval k from which its right end can be reached: from above (sign 1) or below (-1).
 
     The width of the range of controls is a concave function of x, made of straight lines, so that Newton's iteration from
     outside meets its zero in as many steps as there are lines, at most (Pham and Pham, TOPP-RA, IEEE T-RO 34 (2018)).
     """
     for _ in range(_MOST_STEPS):
-        low, high, low_slope, high_slope = _control_range(rows, cap, offset, k, lean, x, floor, ceiling)
+        low, high, low_slope, high_slope = _control_range(rows, bounds, cap, offset, k, lean, x, floor, ceiling)
         if not low > high:
             return x
         closing = sign * (low_slope - high_slope)
@@ -76,8 +79,8 @@ def _extreme(rows, cap, offset, k, lean, x, sign, floor, ceiling):
     return x
 
 
-@njit(NOTHING(READ4, READ2, READ2, WRITE1, F64, F64, WRITE2), cache=True, error_model="numpy")
-def controllable(rows, cap, offset, lean, slowest, fastest, out):
+@njit(NOTHING(READ4, READ2, READ2, READ2, WRITE1, F64, F64, WRITE2), cache=True, error_model="numpy")
+def controllable(rows, bounds, cap, offset, lean, slowest, fastest, out):
     """Write the least and the largest x (2, n + 1) from which an x within ``slowest`` and ``fastest`` can end the section.
 
     nan where there is none.  Where a lean (n,) would forbid rest it is set to 0.
@@ -91,37 +94,37 @@ def controllable(rows, cap, offset, lean, slowest, fastest, out):
             top = min(top, cap[k - 1, last])
         for r in range(rows.shape[0]):
             for p in range(last + 1):
-                alpha = abs(rows[r, 0, k, p])
-                if alpha > 0.0 and rows[r, 1, k, p] + 2.0 * offset[k, p] * rows[r, 0, k, p] == 0.0:
+                alpha = rows[r, 0, k, p]
+                if alpha != 0.0 and rows[r, 1, k, p] + 2.0 * offset[k, p] * alpha == 0.0:
                     lean[k] = 0.0
-                    top = min(top, 1.0 / alpha)
+                    top = min(top, bounds[r, 0] / alpha if alpha > 0.0 else -bounds[r, 1] / alpha)
         if lean[k] != 0.0:
-            low, high, _, _ = _control_range(rows, cap, offset, k, lean[k], 0.0, 0.0, ceiling)
+            low, high, _, _ = _control_range(rows, bounds, cap, offset, k, lean[k], 0.0, 0.0, ceiling)
             if not low <= high:
                 lean[k] = 0.0
-        out[1, k] = _extreme(rows, cap, offset, k, lean[k], top, 1.0, floor, ceiling)
-        out[0, k] = _extreme(rows, cap, offset, k, lean[k], 0.0, -1.0, floor, ceiling) if floor > 0.0 else 0.0
+        out[1, k] = _extreme(rows, bounds, cap, offset, k, lean[k], top, 1.0, floor, ceiling)
+        out[0, k] = _extreme(rows, bounds, cap, offset, k, lean[k], 0.0, -1.0, floor, ceiling) if floor > 0.0 else 0.0
         if not out[0, k] <= out[1, k] * (1.0 + 1e-12):
             out[:, : k + 1] = np.nan
             return
 
 
-@njit(NOTHING(READ4, READ2, READ2, READ1, READ2, F64, WRITE1), cache=True, error_model="numpy")
-def fastest(rows, cap, offset, lean, reach, start, x):
+@njit(NOTHING(READ4, READ2, READ2, READ2, READ1, READ2, F64, WRITE1), cache=True, error_model="numpy")
+def fastest(rows, bounds, cap, offset, lean, reach, start, x):
     """Write the largest x (n + 1,) that can be reached from x = ``start`` within the controllable range ``reach``."""
     n = offset.shape[0]
     x[0] = start
     for k in range(n):
-        _, high, _, _ = _control_range(rows, cap, offset, k, lean[k], x[k], reach[0, k + 1], reach[1, k + 1])
+        _, high, _, _ = _control_range(rows, bounds, cap, offset, k, lean[k], x[k], reach[0, k + 1], reach[1, k + 1])
         following = x[k] + 2.0 * offset[k, offset.shape[1] - 1] * high
         x[k + 1] = min(max(following, reach[0, k + 1]), reach[1, k + 1])
 
 
-@njit(NOTHING(READ4, READ2, READ1, READ1, WRITE1), cache=True, error_model="numpy")
-def follow_rows(rows, offset, x, lean, out):
+@njit(NOTHING(READ4, READ2, READ2, READ1, READ1, WRITE1), cache=True, error_model="numpy")
+def follow_rows(rows, bounds, offset, x, lean, out):
     """Write the lean of each interval that follows the row nearest to its bound there, given a law x (n + 1,).
 
-    Along a smooth row at its bound a is (+-1 - alpha x) / beta at both ends; half their difference is the lean.
+    Along a smooth row at its bound b a is (b - alpha x) / beta at both ends; half their difference is the lean.
     """
     last = offset.shape[1] - 1
     for k in range(offset.shape[0]):
@@ -130,17 +133,18 @@ def follow_rows(rows, offset, x, lean, out):
         out[k] = 0.0
         if not (x[k] > 0.0 and x[k + 1] > 0.0):
             continue
-        nearest, which, sign = _NEAR_BOUND, -1, 1.0
+        nearest, which, bound = _NEAR_BOUND, -1, 1.0
         for r in range(rows.shape[0]):
             for p in range(last + 1):
                 w = offset[k, p]
                 here = x[k] + 2.0 * w * (a + lean[k] * (1.0 - w / h))
                 value = rows[r, 0, k, p] * here + rows[r, 1, k, p] * (a + lean[k] * (1.0 - 2.0 * w / h))
-                if abs(value) > nearest:
-                    nearest, which, sign = abs(value), r, np.sign(value)
+                share = value / bounds[r, 0] if value > 0.0 else -value / bounds[r, 1]
+                if share > nearest:
+                    nearest, which, bound = share, r, bounds[r, 0] if value > 0.0 else -bounds[r, 1]
         if which < 0 or not rows[which, 1, k, 0] * rows[which, 1, k, last] > 0.0:
             continue
-        first = (sign - rows[which, 0, k, 0] * x[k]) / rows[which, 1, k, 0]
-        second = (sign - rows[which, 0, k, last] * x[k + 1]) / rows[which, 1, k, last]
+        first = (bound - rows[which, 0, k, 0] * x[k]) / rows[which, 1, k, 0]
+        second = (bound - rows[which, 0, k, last] * x[k + 1]) / rows[which, 1, k, last]
         most = _LARGEST_LEAN * min(x[k], x[k + 1]) / h
         out[k] = min(max(0.5 * (first - second), -most), most)

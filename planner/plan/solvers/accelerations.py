@@ -28,9 +28,10 @@ from planner.law import TimeLaw
 from planner.machine.limits import COMMANDS, Limits, command_kind
 from planner.plan.ends import Feed, feed_at
 from planner.plan.knots import Grid, Scan, place_knots, scan, with_blends
-from planner.plan.rows import acceleration_rows, path_at, speed_limits
+from planner.plan.rows import Rows, acceleration_rows, path_at, speed_limits
 from planner.plan.section import Section
 from planner.plan.utilisation import Utilisation, utilisation
+from planner.quantity import CHORD_ERROR, FEED
 from planner.status import Work
 from planner.types import FloatArray
 
@@ -58,8 +59,8 @@ class _Stage:
     """A grid of one section with its rows and caps at the points of all intervals.
 
     ``y``, ``u`` (n + 1,) at the knots, ``rate (2, n, 2)`` the first two derivatives of u by y at both ends of each
-    interval; ``rows (m, 2, n, p)``, ``speeds (l, n, p)`` the largest x by each speed limit, ``command (n, p)`` what the
-    first of these is (0 the feed of the limits, 1 a programmed one, 2 that of rapids); ``margin (2, n)`` by which
+    interval; ``rows`` with r (m, 2, n, p), ``speeds`` the largest x (n, p) by each speed limit, ``command (n, p)`` what the
+    feed is of these (0 that of the limits, 1 a programmed one, 2 that of rapids); ``margin (2, n)`` by which
     speeds and accelerations are tightened; ``ends`` the x prescribed at the ends, nan where free (periodic).
     """
 
@@ -67,8 +68,8 @@ class _Stage:
     u: FloatArray
     rate: FloatArray
     offset: FloatArray
-    rows: FloatArray
-    speeds: FloatArray
+    rows: Rows
+    speeds: dict[str, FloatArray]
     command: NDArray[np.int8]
     margin: FloatArray
     ends: tuple[float, float]
@@ -87,7 +88,10 @@ class _Stage:
         left = inner == u[1:, None]
         path = path_at(section, limits, at.reshape(-1), inner.reshape(-1), left.reshape(-1))
         rows = acceleration_rows(limits, path)
-        speeds = np.minimum(speed_limits(limits, path) ** 2, (_FASTEST * mean) ** 2)
+        speeds = {
+            name: np.minimum(most**2, (_FASTEST * mean) ** 2).reshape(at.shape)
+            for name, most in speed_limits(limits, path).items()
+        }
         ends = [
             (end.feed / path.tip[1, k]) ** 2 if isinstance(end, Feed) else feed_at(end)
             for end, k in ((section.start, 0), (section.end, -1))
@@ -97,8 +101,8 @@ class _Stage:
             u,
             path.u[1:3].reshape(2, *at.shape)[:, :, [0, -1]],
             np.ascontiguousarray(offset),
-            np.ascontiguousarray(rows.reshape(*rows.shape[:2], *at.shape)),
-            speeds.reshape(-1, *at.shape),
+            replace(rows, r=np.ascontiguousarray(rows.r.reshape(*rows.r.shape[:2], *at.shape))),
+            speeds,
             command_kind(section.curve, limits, inner.reshape(-1), left.reshape(-1)).reshape(at.shape),
             np.tile(1.0 / section.usable(u[:-1]), (2, 1)),
             (ends[0], ends[1]),
@@ -111,9 +115,8 @@ class _Stage:
 
         best, x = self, self.solve()
         for _ in range(_MAX_LEANS if x.size else 0):
-            rows = np.ascontiguousarray(self.rows * self.margin[1][:, None])
             lean = np.empty_like(self.lean)
-            follow_rows(rows, self.offset, x, best.lean, lean)
+            follow_rows(self._tight_rows(), self.rows.bounds, self.offset, x, best.lean, lean)
             stage = replace(self, lean=lean)
             again = stage.solve()
             if again.size == 0:
@@ -127,41 +130,50 @@ class _Stage:
 
     def solve(self) -> FloatArray:
         """Largest x at the knots, or empty where none joins the ends."""
-        cap = self.speeds.min(axis=0) / self.margin[0][:, None] ** 2
-        rows = np.ascontiguousarray(self.rows * self.margin[1][:, None])
+        cap = self._cap()
         for value, at in ((self.ends[0], (0, 0)), (self.ends[1], (-1, -1))):
             if not np.isnan(value):
                 cap[at] = max(cap[at], value)
         if np.isnan(self.ends[0]):
-            return self._lap(rows, cap)
-        return self._passes(rows, cap, *self.ends)
+            return self._lap(cap)
+        return self._passes(cap, *self.ends)
 
-    def _passes(self, rows: FloatArray, cap: FloatArray, start: float, end: float, below: float = 0.0) -> FloatArray:
+    def _cap(self) -> FloatArray:
+        """Largest x (n, p) by all speed limits, tightened."""
+        return np.asarray(np.min(list(self.speeds.values()), axis=0) / self.margin[0][:, None] ** 2)
+
+    def _tight_rows(self) -> FloatArray:
+        """Coefficients of the rows, tightened."""
+        return np.ascontiguousarray(self.rows.r * self.margin[1][:, None])
+
+    def _passes(self, cap: FloatArray, start: float, end: float, below: float = 0.0) -> FloatArray:
         from planner.plan.solvers.acceleration_kernels import controllable, fastest
 
         reach, x = np.empty((2, self.y.size)), np.empty(self.y.size)
-        controllable(rows, cap, self.offset, self.lean, end * (1.0 - below), end, reach)
+        rows = self._tight_rows()
+        controllable(rows, self.rows.bounds, cap, self.offset, self.lean, end * (1.0 - below), end, reach)
         least, largest = reach[:, 0]
         if not least * (1.0 - _ATTAINABLE) <= start <= largest * (1.0 + _ATTAINABLE):
             return np.empty(0)
-        fastest(rows, cap, self.offset, self.lean, reach, start, x)
+        fastest(rows, self.rows.bounds, cap, self.offset, self.lean, reach, start, x)
         return x
 
-    def _lap(self, rows: FloatArray, cap: FloatArray) -> FloatArray:
+    def _lap(self, cap: FloatArray) -> FloatArray:
         """Largest x of a closed path: the largest feed at the seam with which a lap can begin and end."""
         from planner.plan.solvers.acceleration_kernels import controllable, fastest
 
         reach, x = np.empty((2, self.y.size)), np.empty(self.y.size)
+        rows, bounds = self._tight_rows(), self.rows.bounds
         seam = float(min(cap[0, 0], cap[-1, -1]))
         for _ in range(_MAX_LAPS):
-            controllable(rows, cap, self.offset, self.lean, 0.0, seam, reach)
+            controllable(rows, bounds, cap, self.offset, self.lean, 0.0, seam, reach)
             lap = min(seam, float(reach[1, 0]))
-            fastest(rows, cap, self.offset, self.lean, reach, lap, x)
+            fastest(rows, bounds, cap, self.offset, self.lean, reach, lap, x)
             lap = min(lap, float(x[-1]))
             if lap >= seam * (1.0 - _ATTAINABLE):
                 break
             seam = lap
-        return self._passes(rows, cap, lap, lap, _SEAM)
+        return self._passes(cap, lap, lap, _SEAM)
 
     def time(self, x: FloatArray) -> FloatArray:
         """Time of each interval: in closed form for a linear x, and by Gauss what the lean changes."""
@@ -178,7 +190,7 @@ class _Stage:
 
     def stepping(self, x: FloatArray) -> NDArray[np.bool_]:
         """Intervals in which an unlimited acceleration takes x from rest to its cap, or back, too slowly."""
-        cap = self.speeds.min(axis=0) / self.margin[0][:, None] ** 2
+        cap = self._cap()
         steps = ((x[:-1] == 0.0) & (x[1:] > 0.99 * cap[:, -1])) | ((x[1:] == 0.0) & (x[:-1] > 0.99 * cap[:, 0]))
         time = self.time(x)
         return np.asarray(steps & (time > _STEP_SHARE * time.sum()))
@@ -264,7 +276,7 @@ def plan_section(section: Section, limits: Limits, intervals: int) -> WithoutJer
             break
     stage, x, unmet, place, rounds = best
     work = Work(intervals=stage.y.size - 1, iterations=rounds, rounds=rounds, slowdown=unmet)
-    return WithoutJerk(stage.law(x), unmet, place, work, _saved(stage, limits, section.curve.axes, x))
+    return WithoutJerk(stage.law(x), unmet, place, work, _saved(stage, x))
 
 
 _Found = tuple[_Stage, FloatArray, float, float, int]
@@ -360,28 +372,23 @@ def _halved(section: Section, stage: _Stage, where: NDArray[np.bool_]) -> tuple[
     return np.insert(stage.y, k, y[inside]), np.insert(stage.u, k, u[inside])
 
 
-def _saved(stage: _Stage, limits: Limits, axes: tuple[str, ...], x: FloatArray) -> dict[str, float]:
+def _saved(stage: _Stage, x: FloatArray) -> dict[str, float]:
     """Seconds that one percent more of each limit saves: solved again with it."""
     time = float(stage.time(x).sum())
     relaxed: dict[str, _Stage] = {}
-    names = ["", "chord error", *(f"velocity {axis}" for axis in axes)]
-    for row, name in enumerate(names):
+    for name, most in stage.speeds.items():
         # x grows with the square of a speed, and with the chord error itself
-        more = 1.0 + _PERCENT * (1.0 if name == "chord error" else 2.0)
-        parts = {name: np.ones_like(stage.command, dtype=np.bool_)} if name else {}
-        parts |= {kind: stage.command == k for k, kind in enumerate(COMMANDS)} if not name else {}
+        more = 1.0 + _PERCENT * (1.0 if name == CHORD_ERROR.label else 2.0)
+        everywhere = np.ones_like(stage.command, dtype=np.bool_)
+        parts = {name: everywhere}
+        if name == FEED.label:
+            parts = {kind: stage.command == k for k, kind in enumerate(COMMANDS)}
         for part, where in parts.items():
-            speeds = stage.speeds.copy()
-            speeds[row] *= np.where(where, more, 1.0)
-            relaxed[part] = replace(stage, speeds=speeds)
-    limited = [
-        f"acceleration {axis}" for axis, most in zip(axes, limits.acceleration, strict=True) if np.isfinite(most)
-    ]
-    limited += ["tangential acceleration"] * bool(np.isfinite(limits.tangential_acceleration))
-    for row, name in enumerate(limited):
-        rows = stage.rows.copy()
-        rows[row] /= 1.0 + _PERCENT
-        relaxed[name] = replace(stage, rows=rows)
+            relaxed[part] = replace(stage, speeds=stage.speeds | {name: most * np.where(where, more, 1.0)})
+    for row, of in enumerate(stage.rows.of):
+        r = stage.rows.r.copy()
+        r[row] /= 1.0 + _PERCENT
+        relaxed[of.name] = replace(stage, rows=replace(stage.rows, r=r))
     saved = {}
     for name, more_of_it in relaxed.items():
         again = more_of_it.solve()

@@ -31,6 +31,7 @@ from planner.geometry.differential import (
 )
 from planner.law import quintic_coefficients
 from planner.machine.limits import Limits, chord_feed_limit, commanded_feed, largest_command
+from planner.quantity import ACCELERATION, JERK, TANGENTIAL
 from planner.types import FloatArray, Side
 
 Nodes = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
@@ -219,12 +220,11 @@ def _limit_rows(
     """Rows (n, 6, axes), cap and limit curve (n,) at u; the tip's arc length is one more axis where it has limits."""
     t, k, z = arc_derivatives_of_axes(curve, u, side)[:3]
     velocity, acceleration, jerk = limits.velocity, limits.acceleration, limits.jerk
-    tangential = np.array([limits.tangential_acceleration, limits.tangential_jerk])
-    if np.isfinite(tangential).any():
+    if np.isfinite([limits.of(q) for q in TANGENTIAL]).any():
         one, zero = np.ones((u.size, 1)), np.zeros((u.size, 1))
         t, k, z = np.append(t, one, axis=1), np.append(k, zero, axis=1), np.append(z, zero, axis=1)
         velocity = np.append(velocity, np.inf)
-        acceleration, jerk = np.append(acceleration, tangential[0]), np.append(jerk, tangential[1])
+        acceleration, jerk = limits.of_motions(ACCELERATION.order), limits.of_motions(JERK.order)
     jerks = jerk * jerk_share[:, None]
     parts = t / velocity, t / acceleration, k / acceleration, t / jerks, 3.0 * k / jerks, z / jerks
     commanded = commanded_feed(curve, limits, u, side == "left")

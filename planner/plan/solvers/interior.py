@@ -7,11 +7,12 @@ the knots are linked by linear dynamics over an interval of length h,
 
 and everything is a function of (x, a, c) at the knots and, by the same cubic, at the midpoints.  We minimise
 
-    sum_p w_p x_p^(-1/2)     subject to   |r . (x, a, c)| <= 1   or   |r . (x, a, c)| <= x^(-1/2).
+    sum_p w_p x_p^(-1/2)     subject to   |r . (x, a, c)| <= 1   or   |r . (x, a, c)| <= x^(-1/2)
 
-Only the jerk rows are not convex: their bound x^(-1/2) is.  That has a lucky consequence.  The linear prediction of a
-jerk row's slack after a step is never above the true slack, so a step that is feasible to first order is feasible: once
-inside, every iterate is a valid plan, and the method may stop at any time.
+or with bounds of two sizes, -b and B in place of -1 and 1 (``sides``).  Only the jerk rows are not convex: their bound
+x^(-1/2) is.  That has a lucky consequence.  The linear prediction of a jerk row's slack after a step is never above the
+true slack, so a step that is feasible to first order is feasible: once inside, every iterate is a valid plan, and the
+method may stop at any time.
 
 Rules of one iteration
 
@@ -122,10 +123,14 @@ class Iterate:
         points = problem.cap.size
         velocity = np.zeros((1, 3, points))
         velocity[0, 0] = 1.0 / np.minimum(problem.cap, _NO_CAP)
-        acceleration = np.zeros((problem.acceleration.shape[0], 3, points))
-        acceleration[:, :2] = problem.acceleration
-        self.rows = np.concatenate([velocity, acceleration, problem.jerk])
+        acceleration = np.zeros((len(problem.acceleration), 3, points))
+        acceleration[:, :2] = problem.acceleration.r
+        self.rows = np.concatenate([velocity, acceleration, problem.jerk.r])
+        # of the rows and of their multipliers: what limits the speed has no row of its own
+        self.of = (None, *problem.acceleration.of, *problem.jerk.of)
         self.jerk = np.arange(self.rows.shape[0]) > acceleration.shape[0]
+        self.sides = np.concatenate([np.ones((1, 2)), problem.acceleration.bounds, problem.jerk.bounds])
+        self.bounds = np.column_stack([self.jerk, self.sides])
         self.h, self.weight = problem.h, problem.weight
         self.problem = problem
         self.free_start = np.isnan(problem.start)
@@ -134,9 +139,10 @@ class Iterate:
         warm = isinstance(start, Waypoint)
         self.z = start.z if isinstance(start, Waypoint) else np.ascontiguousarray(start)
         self.scale_inside(_WARM_INSIDE if warm else inside)
-        bound, y = self.bound_and_value()
+        bounds, y = self.bounds_and_value()
         least = _LEAST_WARM_SLACK if warm else _LEAST_SLACK
-        self.slack = np.ascontiguousarray(np.maximum(np.stack([bound - y, bound + y], axis=1), least))
+        over = np.stack([y - bounds[:, 0], -y - bounds[:, 1]], axis=1)
+        self.slack = np.ascontiguousarray(np.maximum(-over, least))
         self.time = float(dot(self.weight, self.z[0] ** -0.5))
         if isinstance(start, Waypoint):
             self.dual = start.dual
@@ -144,8 +150,7 @@ class Iterate:
         else:
             self.dual = centring * self.time / self.slack.size / self.slack
             self.gap = centring * self.time
-        self.residual = float(((self.slack[:, 0] + y - bound) / (1.0 + bound)).max())
-        self.residual = max(self.residual, float(((self.slack[:, 1] - y - bound) / (1.0 + bound)).max()))
+        self.residual = float(((self.slack + over) / (1.0 + bounds)).max())
         self.product = np.zeros_like(self.slack)
         self.pace_sums = np.empty((6, points))
         self.hessian, self.gradient = np.empty((6, points)), np.empty((3, points))
@@ -154,21 +159,22 @@ class Iterate:
         self.feed_forward, self.out = np.empty(self.h.size), np.empty(6)
         self.ends: list[tuple[FloatArray, FloatArray]] = []
 
-    def bound_and_value(self) -> tuple[FloatArray, FloatArray]:
-        """Bounds (m, p) and values r . z (m, p) of all rows."""
+    def bounds_and_value(self) -> tuple[FloatArray, FloatArray]:
+        """Sizes of the upper and lower bounds (m, 2, p) and values r . z (m, p) of all rows."""
         y = self.rows[:, 0] * self.z[0]
         for k in (1, 2):
             y += self.rows[:, k] * self.z[k]
-        return np.where(self.jerk[:, None], self.z[0] ** -0.5, 1.0), y
+        return self.sides[:, :, None] * np.where(self.jerk[:, None], self.z[0] ** -0.5, 1.0)[:, None], y
 
     def scale_inside(self, share: float) -> None:
         """Slow the start down until it uses that share of every limit; not where a feed is prescribed."""
         if not (self.free_start and np.isnan(self.problem.end)):
             return
-        _, y = self.bound_and_value()
-        used = float(np.abs(y[~self.jerk]).max())
+        _, y = self.bounds_and_value()
+        y = np.maximum(y / self.sides[:, :1], -y / self.sides[:, 1:])
+        used = float(y[~self.jerk].max())
         if self.jerk.any():
-            used = max(used, float((np.abs(y[self.jerk]) * np.sqrt(self.z[0])).max()) ** (2.0 / 3.0))
+            used = max(used, float((y[self.jerk] * np.sqrt(self.z[0])).max()) ** (2.0 / 3.0))
         self.z *= share / used
 
 
@@ -247,7 +253,7 @@ def is_global(it: Iterate) -> bool:
     The Lagrangian is then a sum of convex functions, so that the point at which it is stationary is its minimum.
     Coincident points, those of a double knot, count as one.
     """
-    load = it.dual[it.jerk].sum(axis=(0, 1))
+    load = (it.dual * it.sides[:, :, None])[it.jerk].sum(axis=(0, 1))
     place = np.zeros(load.size, dtype=np.intp)
     place[1:] = np.cumsum(np.repeat(it.h > 0.0, 2))
     return bool((np.bincount(place, load) <= np.bincount(place, it.weight) * (1.0 + _FEASIBLE)).all())
@@ -265,7 +271,7 @@ def _iterate(it: Iterate) -> Status | None:
     from planner.plan.solvers import interior_kernels as kernels
 
     pace = 1.0 / np.sqrt(it.z[0])
-    state = (it.rows, it.jerk, it.z, pace, it.slack, it.dual, it.product)
+    state = (it.rows, it.bounds, it.z, pace, it.slack, it.dual, it.product)
     if not _factor(it, pace):
         return Status.SINGULAR
     _prepare_ends(it)
@@ -297,7 +303,7 @@ def _factor(it: Iterate, pace: FloatArray) -> bool:
     """Assemble and factor the Newton system; without negative curvature where it is not positive definite."""
     from planner.plan.solvers import interior_kernels as kernels
 
-    state = (it.rows, it.jerk, it.z, pace, it.slack, it.dual, it.product)
+    state = (it.rows, it.bounds, it.z, pace, it.slack, it.dual, it.product)
     for clip in (False, True):
         kernels.condense(*state, 0.0, 0.0, True, it.hessian, it.gradient, it.pace_sums)
         kernels.tie_pace(it.z, it.weight, it.pace_sums, clip, True, it.hessian, it.gradient)

@@ -2,8 +2,8 @@
 
 Layout: points run along the last axis of every array, so the loops over points are vectorised by the compiler.
 
-    rows   (m, 3, p)   r of each two-sided row |r . (x, a, c)| <= b
-    jerk   (m,)        True where b is the pace y, False where b = 1
+    rows   (m, 3, p)   r of each two-sided row -b_down <= r . (x, a, c) <= b_up
+    bounds (m, 3)      whether b_up and b_down go with the pace y (1) or not (0), and their sizes
     slack, dual, product (m, 2, p)   of the upper and the lower side
     z, step (3, p)     x, a, c at every point
     pace, pace_step (p,)   y = x^(-1/2)
@@ -19,7 +19,6 @@ from numba import njit, types
 F64, I64, FLAG, NOTHING = types.float64, types.int64, types.boolean, types.void
 READ1, READ2, READ3 = (types.Array(F64, n, "C", readonly=True) for n in (1, 2, 3))
 WRITE1, WRITE2, WRITE3 = (types.Array(F64, n, "C") for n in (1, 2, 3))
-FLAGS = types.Array(FLAG, 1, "C", readonly=True)
 
 # Sums may be reordered and nothing is nan (the driver looks at the sums that come out), but inf keeps its meaning.
 _FAST = {"reassoc", "nsz", "contract", "arcp", "nnan"}
@@ -30,22 +29,23 @@ _BLOCK = 512  # points a block: its scratch stays in the first-level cache
 
 
 @njit(
-    NOTHING(READ3, FLAGS, READ2, READ1, READ3, READ3, READ3, F64, F64, FLAG, WRITE2, WRITE2, WRITE2),
+    NOTHING(READ3, READ2, READ2, READ1, READ3, READ3, READ3, F64, F64, FLAG, WRITE2, WRITE2, WRITE2),
     cache=True,
     fastmath=_FAST,
     error_model="numpy",
 )
-def condense(rows, jerk, z, pace, slack, dual, product, target, corrector, factorise, hessian, gradient, pace_sums):
+def condense(rows, bounds, z, pace, slack, dual, product, target, corrector, factorise, hessian, gradient, pace_sums):
     """Eliminate slacks and multipliers of the rows: sums at every point, as if z and the pace were independent.
 
     With e = (target - corrector product + l (s + residual)) / s for each side and its stiffness l / s,
 
         gradient    sum (e_up - e_down) r                 hessian (with ``factorise``)   sum (both stiffnesses) r r^T
         pace_sums   0: sum (e_up + e_down), 1: sum of stiffnesses, 2..4: sum (difference of stiffnesses) r,
-                    5: sum of multipliers; over the jerk rows
+                    5: sum of multipliers; over the jerk rows, each side times the size of its bound
     """
     points = z.shape[1]
     pull, push, stiff, twist = np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK)
+    firm, held = np.empty(_BLOCK), np.empty(_BLOCK)
     for lo in range(0, points, _BLOCK):
         n = min(_BLOCK, points - lo)
         x, a, c, y = z[0, lo : lo + n], z[1, lo : lo + n], z[2, lo : lo + n], pace[lo : lo + n]
@@ -60,20 +60,23 @@ def condense(rows, jerk, z, pace, slack, dual, product, target, corrector, facto
             hessian[:, lo : lo + n] = 0.0
             pace_sums[:, lo : lo + n] = 0.0
         for r in range(rows.shape[0]):
-            is_jerk = 1.0 if jerk[r] else 0.0
+            is_jerk, most, least = bounds[r, 0], bounds[r, 1], bounds[r, 2]
             rx, ra, rc = rows[r, 0, lo : lo + n], rows[r, 1, lo : lo + n], rows[r, 2, lo : lo + n]
             up, down = slack[r, 0, lo : lo + n], slack[r, 1, lo : lo + n]
             dual_up, dual_down = dual[r, 0, lo : lo + n], dual[r, 1, lo : lo + n]
             both_up, both_down = product[r, 0, lo : lo + n], product[r, 1, lo : lo + n]
             for i in range(n):
                 bound = is_jerk * y[i] + (1.0 - is_jerk)
+                b1, b2 = most * bound, least * bound
                 value = rx[i] * x[i] + ra[i] * a[i] + rc[i] * c[i]
                 v1, v2 = 1.0 / up[i], 1.0 / down[i]
                 w1, w2 = dual_up[i] * v1, dual_down[i] * v2
-                e1 = (target - corrector * both_up[i]) * v1 + w1 * (up[i] + value - bound)
-                e2 = (target - corrector * both_down[i]) * v2 + w2 * (down[i] - value - bound)
-                pull[i], push[i] = e1 - e2, is_jerk * (e1 + e2)
-                stiff[i], twist[i] = w1 + w2, is_jerk * (w1 - w2)
+                e1 = (target - corrector * both_up[i]) * v1 + w1 * (up[i] + value - b1)
+                e2 = (target - corrector * both_down[i]) * v2 + w2 * (down[i] - value - b2)
+                pull[i], push[i] = e1 - e2, is_jerk * (most * e1 + least * e2)
+                stiff[i], twist[i] = w1 + w2, is_jerk * (most * w1 - least * w2)
+                held[i] = is_jerk * (most * dual_up[i] + least * dual_down[i])
+                firm[i] = is_jerk * (most * most * w1 + least * least * w2)
             for i in range(n):
                 gx[i] += pull[i] * rx[i]
                 ga[i] += pull[i] * ra[i]
@@ -93,8 +96,8 @@ def condense(rows, jerk, z, pace, slack, dual, product, target, corrector, facto
                     ca[i] += twist[i] * ra[i]
                     cc[i] += twist[i] * rc[i]
                 for i in range(n):
-                    stiffness[i] += is_jerk * stiff[i]
-                    load[i] += is_jerk * (dual_up[i] + dual_down[i])
+                    stiffness[i] += firm[i]
+                    load[i] += held[i]
 
 
 @njit(NOTHING(READ2, READ1, READ2, FLAG, FLAG, WRITE2, WRITE2), cache=True, fastmath=_FAST, error_model="numpy")
@@ -116,12 +119,12 @@ def tie_pace(z, weight, pace_sums, clip, factorise, hessian, gradient):
 
 
 @njit(
-    NOTHING(READ3, FLAGS, READ2, READ1, READ3, READ3, WRITE3, READ2, READ1, F64, F64, FLAG, WRITE1),
+    NOTHING(READ3, READ2, READ2, READ1, READ3, READ3, WRITE3, READ2, READ1, F64, F64, FLAG, WRITE1),
     cache=True,
     fastmath=_FAST,
     error_model="numpy",
 )
-def measure(rows, jerk, z, pace, slack, dual, product, step, pace_step, target, corrector, keep, out):
+def measure(rows, bounds, z, pace, slack, dual, product, step, pace_step, target, corrector, keep, out):
     """Write what a step needs to know of itself into ``out``; with ``keep`` also the products ds * dl.
 
     0, 1: largest relative decrease of a slack and of a multiplier; 2..4: sums of ds*l, s*dl and ds*dl; 5: largest
@@ -142,15 +145,16 @@ def measure(rows, jerk, z, pace, slack, dual, product, step, pace_step, target, 
         worst_s[:] = 0.0
         worst_l[:] = 0.0
         for r in range(rows.shape[0]):
-            is_jerk = 1.0 if jerk[r] else 0.0
+            is_jerk, most, least = bounds[r, 0], bounds[r, 1], bounds[r, 2]
             rx, ra, rc = rows[r, 0, lo : lo + n], rows[r, 1, lo : lo + n], rows[r, 2, lo : lo + n]
             up, down = slack[r, 0, lo : lo + n], slack[r, 1, lo : lo + n]
             dual_up, dual_down = dual[r, 0, lo : lo + n], dual[r, 1, lo : lo + n]
             both_up, both_down = product[r, 0, lo : lo + n], product[r, 1, lo : lo + n]
             for i in range(n):
                 bound = is_jerk * (y[i] + dy[i]) + (1.0 - is_jerk)
+                b1, b2 = most * bound, least * bound
                 value = rx[i] * (x[i] + dx[i]) + ra[i] * (a[i] + da[i]) + rc[i] * (c[i] + dc[i])
-                ds1, ds2 = bound - value - up[i], bound + value - down[i]
+                ds1, ds2 = b1 - value - up[i], b2 + value - down[i]
                 v1, v2 = 1.0 / up[i], 1.0 / down[i]
                 dl1 = (target - corrector * both_up[i] - dual_up[i] * ds1) * v1 - dual_up[i]
                 dl2 = (target - corrector * both_down[i] - dual_down[i] * ds2) * v2 - dual_down[i]
@@ -171,13 +175,13 @@ def measure(rows, jerk, z, pace, slack, dual, product, step, pace_step, target, 
 
 
 @njit(
-    NOTHING(READ3, FLAGS, WRITE2, READ1, WRITE3, WRITE3, READ3, READ2, READ1, READ1, F64, F64, F64, F64, WRITE1),
+    NOTHING(READ3, READ2, WRITE2, READ1, WRITE3, WRITE3, READ3, READ2, READ1, READ1, F64, F64, F64, F64, WRITE1),
     cache=True,
     fastmath=_FAST,
     error_model="numpy",
 )
 def advance(
-    rows, jerk, z, pace, slack, dual, product, step, pace_step, new_pace, target, corrector, primal, dual_length, out
+    rows, bounds, z, pace, slack, dual, product, step, pace_step, new_pace, target, corrector, primal, dual_length, out
 ):
     """Take the step; write the gap sum(s l) and the largest relative primal residual into ``out``.
 
@@ -193,27 +197,29 @@ def advance(
         new = new_pace[lo : lo + n]
         residual[:] = 0.0
         for r in range(rows.shape[0]):
-            is_jerk = 1.0 if jerk[r] else 0.0
+            is_jerk, most, least = bounds[r, 0], bounds[r, 1], bounds[r, 2]
             rx, ra, rc = rows[r, 0, lo : lo + n], rows[r, 1, lo : lo + n], rows[r, 2, lo : lo + n]
             up, down = slack[r, 0, lo : lo + n], slack[r, 1, lo : lo + n]
             dual_up, dual_down = dual[r, 0, lo : lo + n], dual[r, 1, lo : lo + n]
             both_up, both_down = product[r, 0, lo : lo + n], product[r, 1, lo : lo + n]
             for i in range(n):
                 bound = is_jerk * (y[i] + dy[i]) + (1.0 - is_jerk)
+                b1, b2 = most * bound, least * bound
                 value = rx[i] * x[i] + ra[i] * a[i] + rc[i] * c[i]
                 change = rx[i] * dx[i] + ra[i] * da[i] + rc[i] * dc[i]
-                ds1, ds2 = bound - value - change - up[i], bound + value + change - down[i]
+                ds1, ds2 = b1 - value - change - up[i], b2 + value + change - down[i]
                 l1, l2 = dual_up[i], dual_down[i]
                 l1 += dual_length * ((target - corrector * both_up[i] - l1 * ds1) / up[i] - l1)
                 l2 += dual_length * ((target - corrector * both_down[i] - l2 * ds2) / down[i] - l2)
                 value += primal * change
                 bound = is_jerk * new[i] + (1.0 - is_jerk)
-                s1 = max(up[i] + primal * ds1, bound - value)
-                s2 = max(down[i] + primal * ds2, bound + value)
+                b1, b2 = most * bound, least * bound
+                s1 = max(up[i] + primal * ds1, b1 - value)
+                s2 = max(down[i] + primal * ds2, b2 + value)
                 up[i], down[i] = s1, s2
                 dual_up[i], dual_down[i] = l1, l2
                 gap += s1 * l1 + s2 * l2
-                residual[i] = max(residual[i], max(s1 + value - bound, s2 - value - bound) / (1.0 + bound))
+                residual[i] = max(residual[i], (s1 + value - b1) / (1.0 + b1), (s2 - value - b2) / (1.0 + b2))
         for i in range(n):
             worst = max(worst, residual[i])
         for i in range(n):

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from planner.errors import SolverError
-from planner.plan.rows import Constraints
+from planner.plan.rows import Constraints, used_share
 from planner.plan.solvers.interior import Solution, start_from
 from planner.status import Status
 from planner.types import FloatArray
@@ -124,20 +124,20 @@ class _Program:
                 rows.append(pace - px**-0.5)
                 low.append(np.zeros(at.size))
                 high.append(np.full(at.size, np.inf))
-            for row in problem.acceleration:
+            for row, (most, least) in zip(problem.acceleration.r, problem.acceleration.bounds, strict=True):
                 rows.append(casadi.DM(row[0, at]) * px + casadi.DM(row[1, at]) * pa)
-            low.append(np.full(len(problem.acceleration) * at.size, -1.0))
-            high.append(np.full(len(problem.acceleration) * at.size, 1.0))
-            for row in problem.jerk:
+                low.append(np.full(at.size, -least))
+                high.append(np.full(at.size, most))
+            for row, (most, least) in zip(problem.jerk.r, problem.jerk.bounds, strict=True):
                 value = casadi.DM(row[0, at]) * px + casadi.DM(row[1, at]) * pa + casadi.DM(row[2, at]) * pc
                 if own:
-                    rows += [value - pace, -value - pace]
+                    rows += [value - most * pace, -value - least * pace]
                     low.append(np.full(2 * at.size, -np.inf))
                     high.append(np.zeros(2 * at.size))
                 else:
                     rows.append(value / pace)
-                    low.append(np.full(at.size, -1.0))
-                    high.append(np.full(at.size, 1.0))
+                    low.append(np.full(at.size, -least))
+                    high.append(np.full(at.size, most))
         zeros = np.zeros(self.equations.shape[0])
         lowest, highest = self._ends(problem, start.size)
         ipopt = {
@@ -183,9 +183,11 @@ def _start(problem: Constraints) -> FloatArray:
     """The same spline guess as the interior-point method's, slowed down until it keeps the limits."""
     z = start_from(problem, problem.guess)[:, 0::2]
     used = [float((z[0] / problem.cap[0::2]).max())]
-    used += [float(np.abs(row[0, 0::2] * z[0] + row[1, 0::2] * z[1]).max()) for row in problem.acceleration]
-    jerk = [np.abs(np.sum(row[:, 0::2] * z, axis=0)) * np.sqrt(z[0]) for row in problem.jerk]
-    used += [float(value.max()) ** (2.0 / 3.0) for value in jerk]
+    for row, bounds in zip(problem.acceleration.r, problem.acceleration.bounds, strict=True):
+        used.append(float(used_share(row[0, 0::2] * z[0] + row[1, 0::2] * z[1], bounds).max()))
+    for row, bounds in zip(problem.jerk.r, problem.jerk.bounds, strict=True):
+        share = used_share(np.sum(row[:, 0::2] * z, axis=0), bounds) * np.sqrt(z[0])
+        used.append(float(share.max()) ** (2.0 / 3.0))
     if np.isnan(problem.start) and np.isnan(problem.end):
         z = z * (0.9 / max(used))
     return np.asarray(z)

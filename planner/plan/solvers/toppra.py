@@ -101,7 +101,7 @@ def _solve(section: Section, limits: Limits, sigma: FloatArray, u: FloatArray, u
             return np.array([0.0, 1.0])
 
     class GivenRows(constraint.LinearConstraint):  # type: ignore[misc]
-        """The planner's own rows |alpha x + beta a| <= 1 and caps, handed over as they are."""
+        """The planner's own rows, bounds and caps, handed over as they are."""
 
         def __init__(self) -> None:
             super().__init__()
@@ -111,10 +111,10 @@ def _solve(section: Section, limits: Limits, sigma: FloatArray, u: FloatArray, u
             xbound = np.stack([np.zeros_like(top), top**2], axis=1)
             if len(rows) == 0:
                 return None, None, None, None, None, None, xbound
-            alpha, beta = rows[:, 0].T * (span / unit) ** 2, rows[:, 1].T * span / unit**2
+            alpha, beta = rows.r[:, 0].T * (span / unit) ** 2, rows.r[:, 1].T * span / unit**2
             both = np.concatenate([np.eye(len(rows)), -np.eye(len(rows))])
             # "interpolation": each holds at both ends of an interval
-            given = (beta, alpha, np.zeros_like(alpha), both, np.ones(2 * len(rows)), xbound, None)
+            given = (beta, alpha, np.zeros_like(alpha), both, rows.bounds.T.reshape(-1), xbound, None)
             *canonical, xbound, ubound = linear_constraint.canlinear_colloc_to_interpolate(
                 *given, gridpoints, identical=True
             )

@@ -37,8 +37,8 @@ def states(problem, solution):
 def shares(problem, z):
     """Shares of the limits used at all points: (m, points)."""
     used = [z[0] / problem.cap]
-    used += [np.abs(row[0] * z[0] + row[1] * z[1]) for row in problem.acceleration]
-    used += [np.abs(row[0] * z[0] + row[1] * z[1] + row[2] * z[2]) * np.sqrt(z[0]) for row in problem.jerk]
+    used += [np.abs(row[0] * z[0] + row[1] * z[1]) for row in problem.acceleration.r]
+    used += [np.abs(row[0] * z[0] + row[1] * z[1] + row[2] * z[2]) * np.sqrt(z[0]) for row in problem.jerk.r]
     return np.array(used)
 
 
@@ -178,7 +178,7 @@ def test_no_feasible_change_saves_time(case):
     """No plan near the optimum is faster; near a plan that leaves 1 % of its limits unused many are faster than that."""
     problem, solution = case
     narrow = replace(
-        problem, cap=problem.cap / 1.01, acceleration=problem.acceleration * 1.01, jerk=problem.jerk * 1.01
+        problem, cap=problem.cap / 1.01, acceleration=problem.acceleration.times(1.01), jerk=problem.jerk.times(1.01)
     )
     wasteful = states(problem, solved(narrow))
     times = feasible_times(problem, wasteful)
