@@ -343,7 +343,7 @@ def _binding(
         CHORD_ERROR.label: np.nan_to_num(chord * slowed, nan=0.0, posinf=0.0),
     }
     for row in limit_rows(limits.on(curve)):
-        rates = axis_rates[:, :, row.motion] if row.axis else along
+        rates = along if row.along else axis_rates[:, :, row.motion]
         value = np.sum([weight * rate for weight, rate in zip(row.weights, rates, strict=True) if weight], axis=0)
         used[row.name] = value * slowed**row.quantity.power / np.where(value > 0.0, row.upper, row.lower)
     names, unlimited = limit_names(curve.axes), np.zeros(u.size)

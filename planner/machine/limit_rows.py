@@ -52,6 +52,11 @@ class LimitRow:
         return self.quantity.of(self.axis)
 
     @property
+    def along(self) -> bool:
+        """Whether its motion is the arc length of the tip."""
+        return self.quantity in TANGENTIAL
+
+    @property
     def order(self) -> int:
         """Order of the highest derivative in it."""
         return 1 + max(k for k, weight in enumerate(self.weights) if weight != 0.0)

@@ -270,7 +270,7 @@ def jerk_rows(limits: Limits, path: Path) -> Rows:
 
 def _with_motions(of: tuple[LimitRow, ...], path: Path) -> list[tuple[LimitRow, FloatArray]]:
     """Each limit with the derivatives (4, p) of its motion over sigma: of an axis, or of the tip's arc length."""
-    return [(row, path.axes[:, :, row.motion] if row.axis else path.tip) for row in of]
+    return [(row, path.tip if row.along else path.axes[:, :, row.motion]) for row in of]
 
 
 def _ramp_rows(section: Section, limits: Limits, sigma: FloatArray, path: Path) -> Rows:
@@ -281,9 +281,7 @@ def _ramp_rows(section: Section, limits: Limits, sigma: FloatArray, path: Path) 
     """
     blends = (sigma < section.blend_start) | (section.span - sigma < section.blend_end)
     of = tuple(
-        row
-        for row in limit_rows(limits)
-        if row.axis and row.order == ACCELERATION.order and not np.isfinite(limits.jerk[row.motion])
+        row for row in limit_rows(limits) if row.quantity is ACCELERATION and not np.isfinite(limits.jerk[row.motion])
     )
     found = [
         jerk_terms(q[1], q[2], q[3]) * blends * _RAMP * limits.period / row.scale for row, q in _with_motions(of, path)

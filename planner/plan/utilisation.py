@@ -102,9 +102,9 @@ def _chunk(
     # An axis' weights are scaled beforehand, those of the arc length with the bounds: each is rounded once.
     rows = np.array(
         [
-            [*np.multiply(row.weights, 1.0 / row.scale), *row.bounds]
-            if row.axis
-            else [*row.weights, row.lower, row.upper]
+            [*row.weights, row.lower, row.upper]
+            if row.along
+            else [*np.multiply(row.weights, 1.0 / row.scale), *row.bounds]
             for row in found
         ]
     )
