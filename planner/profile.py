@@ -344,7 +344,8 @@ def _binding(
     }
     for row in limit_rows(limits.on(curve)):
         rates = along if row.along else axis_rates[:, :, row.motion]
-        value = np.sum([weight * rate for weight, rate in zip(row.weights, rates, strict=True) if weight], axis=0)
-        used[row.name] = value * slowed**row.quantity.power / np.where(value > 0.0, row.upper, row.lower)
+        terms = [w * rate * slowed**k for k, (w, rate) in enumerate(zip(row.weights, rates, strict=True), start=1) if w]
+        value = np.sum(terms, axis=0)
+        used[row.name] = value / np.where(value > 0.0, row.upper, row.lower)
     names, unlimited = limit_names(curve.axes), np.zeros(u.size)
     return names, np.argmax(np.stack([used.get(name, unlimited) for name in names]), axis=0).astype(np.int8)
