@@ -4,9 +4,9 @@ A limit is on a quantity of the *path* (one number) or of every *axis* (one each
 derivative, the power of the time with which it falls when a motion runs slower, its unit and the words and letters for
 it.  It is data: no formula stands here, so that the planner and the check that shares no formula with it can both read it.
 
-A further limit is an entry here, a field of :class:`~planner.machine.limits.Limits`, a row of ``machine.limit_rows``, and what
-the check measures (``verify``), with its test and its page; solvers, multipliers, shares, files, tables, verdicts and letters
-follow from these.
+A further limit is an entry here, a field of :class:`~planner.machine.limits.Limits`, a row of ``limit_rows`` and what
+the check measures (``verify``), with its test and its page; solvers, multipliers, shares, files, tables, verdicts and
+letters follow from these.
 """
 
 from __future__ import annotations

@@ -5,32 +5,22 @@ from importlib import import_module
 
 import numpy as np
 import pytest
+from cases import MILL, ellipse
+from problems import problem_of
 
-from planner.geometry.catalog import load_curve
-from planner.geometry.formula import FormulaCurve
+from planner import load_curve
 from planner.geometry.nurbs import NurbsCurve
-from planner.law import TimeNodes
+from planner.law import TimeLaw
 from planner.machine.limit_rows import LimitRow, limit_rows
 from planner.machine.limits import Limits
 from planner.plan import plan_feedrate
-from planner.plan.knots import place_knots, scan, with_blends
-from planner.plan.rows import Rows, build
-from planner.plan.section import cut
+from planner.plan.rows import Rows
 from planner.plan.sensitivity import SpeedBound, saved_by_one_percent
 from planner.plan.solvers import interior, ipopt
 from planner.plan.utilisation import utilisation
 from planner.quantity import ACCELERATION, JERK
 
 INF = np.inf
-MILL = Limits(100.0, 250.0, 1000.0, 20000.0, 1e-3, axes="XY")
-ELLIPSE = FormulaCurve({"X": "30*cos(u)", "Y": "10*sin(u)"}, (0.0, 2.0 * np.pi))
-
-
-def problem_of(curve, limits, intervals, periodic=False, start=0.0, end=0.0):
-    (section,) = cut(curve, limits, start, end, exact_stop=False, periodic=periodic)
-    guess = scan(section, limits, intervals)
-    section = with_blends(section, guess)
-    return build(section, limits, place_knots(section, guess, intervals), guess, periodic=periodic)[0]
 
 
 def both(problem):
@@ -52,7 +42,7 @@ def mirrored(rows: Rows) -> Rows:
 PROBLEMS = {
     "circle": lambda: problem_of(load_curve("circle"), MILL, 80),
     "teardrop": lambda: problem_of(load_curve("teardrop"), MILL, 80, start=30.0, end=60.0),
-    "closed": lambda: problem_of(ELLIPSE, MILL, 80, periodic=True),
+    "closed": lambda: problem_of(ellipse(), MILL, 80, periodic=True),
 }
 
 
@@ -127,7 +117,7 @@ def test_a_line_with_jerk_keeps_both_bounds_and_uses_both(gravity):
     assert exact * (1.0 - 1e-7) <= profile.duration <= exact * (1.0 + 1e-3)
     assert profile.acceleration.max() == pytest.approx(1000.0, rel=1e-3)
     assert profile.acceleration.min() == pytest.approx(-250.0, rel=1e-3)
-    used = utilisation(curve, limits, TimeNodes(profile.t, profile.u, profile.u_rate, profile.u_acceleration))
+    used = utilisation(curve, limits, TimeLaw(profile.t, profile.u, profile.u_rate, profile.u_acceleration))
     assert used.acceleration.max() == pytest.approx(1.0, abs=2e-3)
     held = {profile.limit_names[k] for k in profile.binding[profile.acceleration < -249.9]}
     assert "acceleration X" in held
