@@ -28,7 +28,8 @@ if TYPE_CHECKING:
         StalledError,
     )
     from planner.geometry.catalog import CATALOG
-    from planner.geometry.curve import Break, Curve
+    from planner.geometry.continuity import Break
+    from planner.geometry.curve import Curve
     from planner.geometry.drawing import read_dxf
     from planner.geometry.points import FittedCurve, read_points
     from planner.machine.limits import FeedrateLimits, Limits, feedrate_limits
@@ -105,7 +106,8 @@ _HOME = {
         "StalledError",
     ),
     "planner.geometry.catalog": ("CATALOG",),
-    "planner.geometry.curve": ("Break", "Curve"),
+    "planner.geometry.continuity": ("Break",),
+    "planner.geometry.curve": ("Curve",),
     "planner.geometry.drawing": ("read_dxf",),
     "planner.geometry.points": ("FittedCurve", "read_points"),
     "planner.machine.limits": ("FeedrateLimits", "Limits", "feedrate_limits"),

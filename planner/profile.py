@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from planner.errors import InputError
 from planner.frames import Tabular
-from planner.geometry.curve import DEFAULT_AXES, MAX_DERIVATIVE, ROTARY_AXES, Curve
+from planner.geometry.continuity import MAX_DERIVATIVE
+from planner.geometry.curve import DEFAULT_AXES, ROTARY_AXES, Curve
 from planner.geometry.differential import chain_rule, curvature, rates_along
 from planner.inputs import shorten
 from planner.law import TimeLaw, quintic_coefficients

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from planner.errors import CurveError
 from planner.geometry.blend import Blends, Legs
-from planner.geometry.curve import Break, Curve, FeedCaps, Pieces, axis_names, continuity
+from planner.geometry.continuity import Break, continuity
+from planner.geometry.curve import Curve, FeedCaps, Pieces, axis_names
 from planner.geometry.fit import interpolate
 from planner.geometry.tolerance import PathTolerance
 from planner.types import FloatArray, Side
@@ -130,7 +131,7 @@ class ChainCurve(Curve):
             return ()
         stops = set(self.stops.tolist())
         found = [replace(b, geometric=0) if b.u in stops else b for b in continuity(self, self.joints)]
-        return tuple(b for b in found if min(b.parametric, b.geometric) < 3)
+        return tuple(b for b in found if not b.is_smooth)
 
     @cached_property
     def pieces(self) -> Pieces:

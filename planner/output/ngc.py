@@ -153,7 +153,7 @@ def _blocks_of_profile(
 ) -> _Blocks:
     """Cut a profile at equal times, at corners, stops and places, and in halves until every line is within tolerance."""
     law = profile.law
-    corners = np.union1d([b.u for b in curve.breaks if b.geometric == 0], places)
+    corners = np.union1d([b.u for b in curve.breaks if b.is_corner], places)
     count = int(np.ceil(profile.duration / block_time))
     if count > _MAX_BLOCKS:
         raise InputError(f"block_time = {block_time!r} s makes {count} blocks; at most {_MAX_BLOCKS} are written")

@@ -371,7 +371,7 @@ def _require_facts(file: ColumnFile, profile: FeedrateProfile) -> None:
             f"{feed[-1]:.9g} mm/s at the end"
         )
     if profile.origin.exact_stop:
-        jumps = [b.u for b in profile.curve.breaks if b.geometric == 1]
+        jumps = [b.u for b in profile.curve.breaks if b.is_curvature_jump]
         passed = next((u for u in jumps if feed[np.argmin(np.abs(profile.u - u))] > rest), None)
         if passed is not None:
             raise InputError(

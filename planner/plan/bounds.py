@@ -20,6 +20,7 @@ from planner.plan.dual.problem import ROUNDS, Pace, best_splines
 from planner.plan.dual.terms import Multiplied, Track
 from planner.plan.dual.value import Splines
 from planner.plan.ends import FREE, Feed, end_with, feed_at
+from planner.plan.jumps import STEP_SEEN
 from planner.plan.knots import place_knots, scan, with_blends
 from planner.plan.section import Section, sections_between
 from planner.profile import FeedrateProfile
@@ -165,7 +166,7 @@ def _certified(
 def _stops(profile: FeedrateProfile) -> dict[float, float]:
     """Parameters inside the path at which the plan stops, and the corners, where every plan has to."""
     resting = profile.u[profile.u_rate == 0.0]
-    corners = [b.u for b in profile.curve.breaks if b.geometric == 0]
+    corners = [b.u for b in profile.curve.breaks if b.is_corner]
     u0, u1 = profile.curve.domain
     return {float(u): 0.0 for u in np.union1d(resting, corners) if u0 < u < u1}
 
@@ -208,16 +209,16 @@ def statement(curve: Curve, limits: Limits, certificate: Certificate) -> str:
         start, end = (f"{feed:.6g} mm/s" if feed > 0.0 else "rest" for feed in (first.start_feed, last.end_feed))
         ends = f"from {start} to {end}"
     parts = [f"no plan of {curve.name} {ends} within these limits takes less than {certificate.bound:.9g} s"]
-    corners = {b.u for b in curve.breaks if b.geometric == 0}
+    corners = {b.u for b in curve.breaks if b.is_corner}
     stops = [float(s.u[0, -1]) for s in certificate.sections[:-1] if float(s.u[0, -1]) not in corners]
     if stops:
         shown = ", ".join(f"{u:.6g}" for u in stops[:_SHOWN]) + (", ..." if len(stops) > _SHOWN else "")
         parts.append(f"for plans that stop at u = {shown}")
     if np.isfinite(limits.chord_error):
         parts.append("the chord error counts as the feed limit of the osculating circle")
-    if any(b.geometric == 1 for b in curve.breaks):
+    if any(b.is_curvature_jump for b in curve.breaks):
         parts.append(
-            f"at curvature jumps the acceleration steps by at most {limits.period:g} s / 0.75 of the jerk limit, which is "
-            "what a check with that period grants"
+            f"at curvature jumps the acceleration steps by at most {limits.period:g} s / {STEP_SEEN:g} of the jerk limit, "
+            "which is what a check with that period grants"
         )
     return "; ".join(parts)

@@ -20,6 +20,7 @@ from planner.errors import CurveError, InfeasibleError
 from planner.geometry.differential import arc_derivatives, curvature, dot
 from planner.machine.limits import Limits, chord_feed_limit, commanded_feed
 from planner.plan.ends import Feed, Rest, feed_at
+from planner.plan.jumps import passable
 from planner.plan.section import BLEND_LENGTH, Section, axis_weights, evaluate
 from planner.plan.slow import resolved
 from planner.types import FloatArray
@@ -43,8 +44,6 @@ _SCAN_ACCELERATION = 0.7
 _SCAN_JERK = 0.35 * 2.12
 # An axis that hardly moves at a stop hardly limits what the path may do there; beyond this factor its share is not taken.
 _UNUSUAL = 10.0
-# A step D of an axis' acceleration adds 0.75 D / period to the jerk of the samples: with D <= 2/3 J period that is J/2.
-STEP_SHARE = 2.0 / 3.0
 # Spacing at a curvature jump against the width of the dip there, and at most how many knots a dip may add to a grid.
 _DIP_SHARE, _DIP_KNOTS = 0.25, 40
 _DIP_LEVELS = 10
@@ -221,7 +220,7 @@ def _dips(section: Section, limits: Limits, weights: FloatArray) -> Dips:
     before, after = (arc_derivatives(d) for d in sides)
     jerks = weights * limits.jerk
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        feed = np.sqrt(np.fmin.reduce(STEP_SHARE * limits.period * jerks / np.abs(after[2] - before[2]), axis=1))
+        feed = np.sqrt(passable(after[2] - before[2], jerks, limits.period))
         for i, (at, prescribed) in enumerate(feeds, start=len(section.jumps)):
             tip = np.sqrt(np.sum(curve.tip.derivatives(at, 1)[1] ** 2))
             feed[i] = prescribed / tip * np.sqrt(np.sum(sides[0][1, i] ** 2))

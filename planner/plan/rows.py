@@ -29,20 +29,13 @@ from planner.geometry.differential import acceleration_terms, chain_rule, jerk_t
 from planner.machine.limit_rows import LimitRow, limit_rows
 from planner.machine.limits import Limits, chord_feed_limit, commanded_feed
 from planner.plan.ends import Feed
-from planner.plan.knots import STEP_SHARE, Grid, Scan
+from planner.plan.jumps import JERK_COLLOCATED, soften
+from planner.plan.knots import Grid, Scan
 from planner.plan.section import Section, axis_weights, evaluate
 from planner.quantity import ACCELERATION, CHORD_ERROR, FEED, JERK, VELOCITY
 from planner.types import FloatArray
 
-# Steps of the acceleration at curvature jumps make up to half of the samples' jerk (STEP_SHARE), and the plan's own jerk
-# near the break at most the other half, less what it may exceed between points.
-JERK_BESIDE_STEP = 0.5
-_JERK_COLLOCATED = 0.49
-PERIODS_AROUND_STEP = 3.0
 _RAMP = 0.5  # periods: shorter than samples tell
-# Phases, in periods, at which the steps of jumps close to one another are added up, and the search for the x they allow.
-_PHASES = np.linspace(-1.0, 1.0, 17)
-_LARGEST_SLOWING, _HALVINGS, _JUMPS_AT_ONCE = 14.0, 16, 10_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -290,63 +283,13 @@ def _ramp_rows(section: Section, limits: Limits, sigma: FloatArray, path: Path) 
 
 
 def _soften_jumps(section: Section, limits: Limits, grid: Grid, path: Path, cap: FloatArray, rows_j: Rows) -> None:
-    """Lower the cap at curvature jumps and halve the jerk within three periods of them."""
+    """Lower the cap at curvature jumps, and the jerk that is left beside them."""
     first = grid.left[np.searchsorted(grid.u[grid.left], [b.u for b in section.jumps])]
-    at = grid.sigma[first]
     # The tip's arc length bends with the axes where these are weighted: sigma is that of the machine axes.
     every = np.concatenate([path.axes, path.tip[:, :, None]], axis=2)
-    jerk = limits.of_motions(JERK.order)
     step = every[2, 2 * first + 2] - every[2, 2 * first]
-    slope = np.abs(path.axes[1, 2 * first])
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        alone = np.min(STEP_SHARE * jerk * limits.period / np.abs(step), axis=1)
-        gain = np.min(limits.acceleration / slope, axis=1)
-    passed = _together(at, step / jerk, np.minimum(alone, cap[2 * first]), limits.period)
-    for k in (0, 1, 2):
-        cap[2 * first + k] = np.minimum(cap[2 * first + k], passed)
-    # Within three periods the plan cannot go further than at the break's feed plus three periods of acceleration.
-    window = PERIODS_AROUND_STEP * limits.period
-    reach = window * np.minimum(np.sqrt(passed) + gain * window, np.sqrt(cap.max()))
-    # Whole intervals: within the one that the window ends in, the jerk climbs from one half to all of it.
-    lo = np.maximum(np.searchsorted(grid.sigma, at - reach, side="right") - 1, 0)
-    hi = np.minimum(np.searchsorted(grid.sigma, at + reach, side="left"), grid.sigma.size - 1)
-    edges = np.bincount(2 * lo, minlength=cap.size + 1) - np.bincount(2 * hi + 1, minlength=cap.size + 1)
-    rows_j.r[:, :, np.cumsum(edges[:-1]) > 0] /= _JERK_COLLOCATED
-
-
-def _together(at: FloatArray, step: FloatArray, alone: FloatArray, period: float) -> FloatArray:
-    """Largest x at jumps (m,) of q'' by ``step`` (m, k) jerk limits, given those at which each alone may be passed.
-
-    At constant sigma_dot the jumps i are seen in the samples as the jerk x / T sum_i step_i B((sigma - sigma_i) /
-    (T sqrt(x))), B the quadratic B-spline.  Jumps further apart than its support of three periods do not meet.
-    """
-    found = alone.copy()
-    gap = np.diff(at, prepend=-np.inf, append=np.inf)
-    reach = 2.0 * PERIODS_AROUND_STEP * period * np.sqrt(alone)
-    close = np.flatnonzero((np.minimum(gap[1:], gap[:-1]) < reach) & np.isfinite(alone))
-
-    def share(i: NDArray[np.intp], x: FloatArray) -> FloatArray:
-        width = period * np.sqrt(x)
-        centre = at[i, None] + _PHASES * width[:, None]
-        total = np.zeros((i.size, _PHASES.size, step.shape[1]))
-        lo = np.searchsorted(at, centre[:, 0] - 1.5 * width)
-        hi = np.searchsorted(at, centre[:, -1] + 1.5 * width, side="right")
-        for k in range(int((hi - lo).max())):
-            j = np.minimum(lo + k, at.size - 1)
-            z = np.abs(centre - at[j, None]) / width[:, None]
-            spline = np.where(z <= 0.5, 0.75 - z**2, 0.5 * np.maximum(1.5 - z, 0.0) ** 2)
-            total += np.where((lo + k < hi)[:, None], spline, 0.0)[:, :, None] * step[j, None, :]
-        return np.asarray(np.abs(total).max(axis=(1, 2)) * x / period)
-
-    for some in np.array_split(close, max(1, close.size // _JUMPS_AT_ONCE)):
-        meets = some[share(some, found[some]) > JERK_BESIDE_STEP] if some.size else some
-        lo, hi = np.full(meets.size, -_LARGEST_SLOWING), np.zeros(meets.size)
-        for _ in range(_HALVINGS if meets.size else 0):
-            mid = 0.5 * (lo + hi)
-            holds = share(meets, alone[meets] * np.exp(mid)) <= JERK_BESIDE_STEP
-            lo, hi = np.where(holds, mid, lo), np.where(holds, hi, mid)
-        found[meets] = alone[meets] * np.exp(lo)
-    return found
+    beside = soften(limits, grid.sigma, first, step, np.abs(path.axes[1, 2 * first]), cap)
+    rows_j.r[:, :, beside] /= JERK_COLLOCATED
 
 
 def _guess(section: Section, grid: Grid, guess: Scan) -> tuple[FloatArray, float]:

@@ -28,7 +28,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.geometry.arclength import ArcLength
-from planner.geometry.curve import Break, Curve
+from planner.geometry.continuity import Break
+from planner.geometry.curve import Curve
 from planner.geometry.differential import chain_rule, inverse_derivatives, speed_derivatives
 from planner.machine.limits import Limits
 from planner.plan.ends import REST, End, Feed, Free
@@ -253,7 +254,7 @@ def cut(
         In the order of the path, not yet with rest blends (see :func:`with_blends`).
     """
     weights = axis_weights(limits)
-    stops = {b.u: 0.0 for b in curve.breaks if b.geometric == 0 or (exact_stop and b.geometric == 1)}
+    stops = {b.u: 0.0 for b in curve.breaks if b.is_corner or (exact_stop and b.is_curvature_jump)}
     if not isinstance(start, Free):
         stops |= {bend.u: bend.radius for bend in tight_bends(curve, limits, weights, hidden=fillets)}
     return sections_between(curve, limits, stops, start, end)
@@ -283,7 +284,7 @@ def sections_between(
             start if i == 0 else REST,
             end if i == len(stops) else REST,
             None if smooth else arc,
-            jumps=tuple(b for b in inside if b.geometric == 1),
+            jumps=tuple(b for b in inside if b.is_curvature_jump),
             bend=stops.get(u0, 0.0),
         )
         sections.append(replace(section, jumps=_apart_from_ends(section)))

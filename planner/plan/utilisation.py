@@ -11,7 +11,7 @@ from planner.geometry.curve import Curve
 from planner.law import TimeLaw, quintic_coefficients
 from planner.machine.limit_rows import limit_rows
 from planner.machine.limits import Limits, commanded_feed
-from planner.plan.rows import JERK_BESIDE_STEP, PERIODS_AROUND_STEP
+from planner.plan.jumps import JERK_BESIDE_STEP, beside_jumps
 from planner.types import FloatArray
 
 # Points an interval: an interval of a solver has two nodes' intervals, hence 10 points, and parabolas between.  A stretch
@@ -56,7 +56,7 @@ def utilisation(curve: Curve, limits: Limits, law: TimeLaw) -> Utilisation:
     for lo in range(0, full.size, _CHUNK):
         index = full[lo : lo + _CHUNK]
         out[:, index] = _chunk(curve, limits, law, index, end[index], points[index])
-    out[2, _beside_steps(curve, limits, law)] /= JERK_BESIDE_STEP
+    out[2, beside_jumps(curve, limits, law)] /= JERK_BESIDE_STEP
     return Utilisation(*out)
 
 
@@ -67,16 +67,6 @@ def _points(curve: Curve, law: TimeLaw, step: FloatArray) -> NDArray[np.intp]:
     time = np.repeat(np.add.reduceat(step, starts), np.diff(starts, append=step.size))
     share = np.divide(step, time, out=np.ones_like(step), where=time > 0.0)
     return np.clip(np.ceil(_POINTS_PER_STRETCH * share), _POINTS_PER_INTERVAL, _POINTS_PER_STRETCH).astype(np.intp)
-
-
-def _beside_steps(curve: Curve, limits: Limits, law: TimeLaw) -> NDArray[np.bool_]:
-    """Intervals within three periods of a curvature jump, where half of the jerk is the step's."""
-    jumps = [b.u for b in curve.breaks if b.geometric == 1 and law.u[0] < b.u < law.u[-1]]
-    at, reach = law.t[np.searchsorted(law.u, jumps)], PERIODS_AROUND_STEP * limits.period
-    first = np.maximum(np.searchsorted(law.t, at - reach, side="right") - 1, 0)
-    last = np.searchsorted(law.t[:-1], at + reach)
-    edges = np.bincount(first, minlength=law.t.size) - np.bincount(last, minlength=law.t.size)
-    return np.asarray(np.cumsum(edges)[:-1] > 0)
 
 
 def _chunk(

@@ -16,6 +16,10 @@ VELOCITY_STEP = 1e-9
 ON_KNOT, ON_KNOT_OF_GAP = 1e-12, 1e-10
 # Accuracy to which an arc length is known, as a fraction of the whole length.
 LENGTH_ACCURACY = 1e-14
+# A unit step of acceleration, twice integrated, sampled and differenced three times, is a quadratic B-spline of the
+# phase: STEP_PEAK over the period at its peak, and none beyond STEP_REACH periods to either side.
+STEP_PEAK = 0.75
+STEP_REACH = 1.5
 
 
 def extent(curve: Curve) -> float:

@@ -14,14 +14,10 @@ from planner.verify.peaks import CANDIDATES, chunks, peaks, zoom
 from planner.verify.quantities import axis_rows, row_of
 from planner.verify.report import Rows
 from planner.verify.scan import Scan
-from planner.verify.sizes import VELOCITY_STEP, group_sizes
+from planner.verify.sizes import STEP_PEAK, STEP_REACH, VELOCITY_STEP, group_sizes
 
 # Steps of the acceleration below this fraction of the largest value are rounding, like those of the velocity.
 _ACCELERATION_STEP = 1e-6
-# A unit step of acceleration, twice integrated, sampled and differenced three times, is a quadratic B-spline of the
-# phase: support 3 T, peak 0.75 / T.
-_STEP_PEAK = 0.75
-_STEP_REACH = 3.0
 
 
 def check_steps(motion: Motion, scan: Scan, limits: Limits, rows: Rows, density: int) -> None:
@@ -45,18 +41,18 @@ def check_steps(motion: Motion, scan: Scan, limits: Limits, rows: Rows, density:
         k = int(sizes[1, :, j].argmax())
         slack = _ACCELERATION_STEP * acceleration[j]
         # The step that alone, once sampled, would use up the jerk.
-        alone = limits.jerk[j] * period / _STEP_PEAK
+        alone = limits.jerk[j] * period / STEP_PEAK
         rows.add("acceleration step", sizes[1, k, j], alone, (t[k], u[k]), slack=slack, j=j)
     k, size = int(along.argmax()), float(scan.largest[row_of(TANGENTIAL_ACCELERATION)])
-    alone = limits.tangential_jerk * period / _STEP_PEAK
+    alone = limits.tangential_jerk * period / STEP_PEAK
     rows.add("tangential step", along[k], alone, (t[k], u[k]), slack=_ACCELERATION_STEP * size)
     found = np.flatnonzero((sizes[1] > _ACCELERATION_STEP * acceleration).any(axis=1))
     if found.size == 0:
         return
     t, u, steps = t[found], u[found], steps[1, found]
     _check_smooth_steps(motion.curve, limits, rows, (t, u), np.abs(steps), _ACCELERATION_STEP * acceleration)
-    near = _jerk_near(motion, scan, t, _STEP_REACH * period, density)
-    phases = np.linspace(-1.5, 1.5, 13)
+    near = _jerk_near(motion, scan, t, 2.0 * STEP_REACH * period, density)
+    phases = np.linspace(-STEP_REACH, STEP_REACH, 13)
     height, at = np.empty((t.size, dim)), np.empty((t.size, dim))
     for some in chunks(t.size, phases.size * dim):
         seen = _sampled_steps(t[some, None] + phases * period, t, steps, period)
@@ -106,13 +102,13 @@ def _sampled_steps(at: FloatArray, t: FloatArray, steps: FloatArray, period: flo
 
     and those of steps that are close together add up.
     """
-    first = np.searchsorted(t, at - 1.5 * period)
-    last = np.searchsorted(t, at + 1.5 * period, side="right")
+    first = np.searchsorted(t, at - STEP_REACH * period)
+    last = np.searchsorted(t, at + STEP_REACH * period, side="right")
     total = np.zeros((*at.shape, steps.shape[1]))
     for k in range(int((last - first).max())):
         i = np.minimum(first + k, t.size - 1)
         z = np.abs(at - t[i]) / period
-        spline = np.where(z <= 0.5, 0.75 - z**2, 0.5 * np.maximum(1.5 - z, 0.0) ** 2)
+        spline = np.where(z <= 0.5, STEP_PEAK - z**2, 0.5 * np.maximum(STEP_REACH - z, 0.0) ** 2)
         total += np.where(first + k < last, spline, 0.0)[..., None] * steps[i]
     return np.asarray(np.abs(total) / period)
 
@@ -145,7 +141,7 @@ def _jerk_near(motion: Motion, scan: Scan, t: FloatArray, reach: float, density:
 def check_corners(motion: Motion, scan: Scan, limits: Limits, rows: Rows) -> None:
     """At a corner the plan must stand still, with no acceleration on either side of axes that have a jerk limit."""
     dim = motion.curve.dim
-    corners = [b.u for b in motion.curve.breaks if b.geometric == 0]
+    corners = [b.u for b in motion.curve.breaks if b.is_corner]
     before = np.flatnonzero(np.isin(motion.u_ends[1, :-1], corners))
     if before.size == 0:
         return

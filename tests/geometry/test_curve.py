@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from strategies import insert_knot, nurbs_curves, oracle, random_nurbs
 
 from planner import CurveError, InputError, load_curve
-from planner.geometry.curve import continuity_at
+from planner.geometry.continuity import continuity_at
 from planner.geometry.differential import arc_derivatives
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve

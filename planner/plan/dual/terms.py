@@ -24,6 +24,7 @@ from planner.geometry.curve import Curve
 from planner.geometry.differential import curvature, dot
 from planner.machine.limits import Limits, chord_feed_limit, commanded_feed
 from planner.plan.ends import Free, Rest
+from planner.plan.jumps import STEP_SEEN
 from planner.plan.knots import Grid
 from planner.plan.rows import path_at
 from planner.plan.section import Section, axis_weights
@@ -40,7 +41,6 @@ RULE_NODES = np.array([INSIDE, 0.5 - _ROOT, 0.5 + _ROOT, 1.0 - INSIDE])
 RULE_WEIGHTS = np.array([1.0, 5.0, 5.0, 1.0]) / 12.0
 _DIGITS = 32.0  # of u, that say nothing of a way between two knots
 _HALVINGS = 6
-STEP_SEEN = 0.75  # of a unit step of the acceleration in the jerk of samples times their period
 _LEAST_SHARE = 0.05  # of the motions of all axes, weighted
 _WAY_MARGIN, _WAY_SAMPLES = 1.01, 17  # ways are sums of the largest values at so many samples of each cell
 _NEAR = 4.0  # times the other caps of x, at samples: what the ways from the ends say is no limit

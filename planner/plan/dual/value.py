@@ -21,8 +21,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.plan.dual.terms import RULE_NODES, STEP_SEEN, IntArray, Multiplied, Points, Track, jump_cap, largest_steps
+from planner.plan.dual.terms import RULE_NODES, IntArray, Multiplied, Points, Track, jump_cap, largest_steps
 from planner.plan.ends import Feed
+from planner.plan.jumps import STEP_REACH, STEP_SEEN
 from planner.types import FloatArray
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
@@ -32,7 +33,6 @@ _LEVELS = 14
 _SLIVER = 1e-9  # of a cell: parts shorter than this are not cut off
 _ROUNDING = 1e-14
 _CAP_MARGIN = 1.05  # of the largest cap at samples of a cell
-_WINDOW = 1.5  # periods before and after a step of the acceleration in which samples see it
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,7 +232,7 @@ def _step_price(splines: Splines, side: _Sides, i: int, spared: FloatArray) -> f
     linear = np.array(splines.track.section.curve.axis_units) == "mm"
     along = np.where(linear, np.abs(side.at.first[:-1, i]) / tip, 0.0) if tip > 0.0 else np.zeros(dim)
     cost = np.abs(side.load[:dim, i]) + np.abs(side.load[-1, i]) * along
-    cost -= 2.0 * _WINDOW * STEP_SEEN * spared[:dim] / limits.jerk
+    cost -= 2.0 * STEP_REACH * STEP_SEEN * spared[:dim] / limits.jerk
     largest = largest_steps(limits)
     paid = cost > 0.0
     return float(np.sum(cost[paid] * largest[paid]))
@@ -246,7 +246,7 @@ def _spared(splines: Splines, jumps: IntArray) -> FloatArray:
     cap = track.points(np.repeat(full, nodes.size), np.tile(nodes, full.size)).cap.reshape(-1, nodes.size)
     least[full] = track.h[full] / np.sqrt(_CAP_MARGIN * cap.max(axis=1))
     times = np.append(0.0, np.cumsum(least))
-    at, reach = times[jumps], _WINDOW * track.limits.period
+    at, reach = times[jumps], STEP_REACH * track.limits.period
     around = np.diff(np.concatenate([[-np.inf], at, [np.inf]]))
     alone = (np.minimum(around[:-1], around[1:]) > 2.0 * reach) & (at > reach) & (times[-1] - at > reach)
     low = np.searchsorted(times[1:], at - reach, side="left")

@@ -8,8 +8,7 @@ tangential acceleration a and jerk J puts on axis j
 :func:`describe` samples these rows on a grid refined until neighbours are alike, :func:`tabulate` turns phases of constant
 jerk along s into nodes of a time law, and :func:`used_exactly` measures such a law against every limit on the exact curve.
 
-At a curvature jump the acceleration of axis j steps by D = |dk_j| v^2, which samples of period T show as a jerk of up to
-0.75 D/T: D is kept to 2/3 J_j T, and the jerk within three periods of the jump to J_j/2.
+At a curvature jump the acceleration of axis j steps by D = |dk_j| v^2; the rule for that is in :mod:`planner.plan.jumps`.
 """
 
 from __future__ import annotations
@@ -31,6 +30,7 @@ from planner.geometry.differential import (
 )
 from planner.law import quintic_coefficients
 from planner.machine.limits import Limits, chord_feed_limit, commanded_feed, largest_command
+from planner.plan.jumps import JERK_BESIDE_STEP, PERIODS_AROUND_STEP, STEP_SHARE, passable
 from planner.quantity import ACCELERATION, JERK, TANGENTIAL
 from planner.types import FloatArray, Side
 
@@ -41,7 +41,6 @@ _REST = 1e-9  # |p'| below this fraction of its largest value: the tip rests
 # The first grid: so many points evenly in u, as many in s, and some in each panel of the arc length; then up to so many
 # halvings of cells across which the limit curve changes by more than _CHANGE, or a direction by twice that.
 _EVEN_POINTS, _PANEL_POINTS, _CHANGE, _PASSES, _MAX_GRID = 400, 4, 0.02, 8, 200_000
-_STEP_SHARE, _AROUND_STEP, _JERK_NEAR_STEP = 2.0 / 3.0, 3.0, 0.5
 _NEXT_TO_JUMP = 1e-3  # of the distance covered in three periods
 _STRAIGHT, _EVEN = 1e-12, 1e-10
 _UNREACHED = 1.01  # times the acceleration at which the largest feed is reached
@@ -146,7 +145,7 @@ def arc_derivatives_of_axes(curve: Curve, u: FloatArray, side: Side) -> tuple[Fl
 def describe(curve: Curve, limits: Limits, u_start: float, u_end: float, fastest_end: float) -> ArcPath:
     """Lay a grid over a section, whose ends have at most the feed ``fastest_end``, and scale the limits on it."""
     inside = [b for b in curve.breaks if u_start < b.u < u_end]
-    jumps, jump_feed, reach = _jumps(curve, limits, np.array([b.u for b in inside if b.geometric == 1]))
+    jumps, jump_feed, reach = _jumps(curve, limits, np.array([b.u for b in inside if b.is_curvature_jump]))
     length = curve.arclength
     s0, s1 = float(length.s(u_start)), float(length.s(u_end))
     # The feed allowed at a jump holds in a tiny cell on either side of it.
@@ -164,7 +163,7 @@ def describe(curve: Curve, limits: Limits, u_start: float, u_end: float, fastest
         s = length.s(u)
         middle = 0.5 * (s[1:] + s[:-1])
         near = np.searchsorted(np.sort(jumps - reach), middle) > np.searchsorted(np.sort(jumps + reach), middle)
-        jerk_share = np.where(near, _JERK_NEAR_STEP, 1.0)
+        jerk_share = np.where(near, JERK_BESIDE_STEP, 1.0)
         (rows, caps, limit), (end_rows, end_caps, end_limit) = (
             _limit_rows(curve, limits, at, side, jerk_share) for at, side in _cell_ends(u)
         )
@@ -240,15 +239,15 @@ def _jumps(curve: Curve, limits: Limits, u: FloatArray) -> tuple[FloatArray, Flo
     if u.size == 0:
         return u, u, u
     (t, before, *_), (_, after, *_) = (arc_derivatives_of_axes(curve, u, side) for side in _SIDES)
-    s, step, window = curve.arclength.s(u), np.abs(after - before), _AROUND_STEP * limits.period
+    s, step, window = curve.arclength.s(u), np.abs(after - before), PERIODS_AROUND_STEP * limits.period
     with np.errstate(divide="ignore"):
-        alone = np.sqrt((_STEP_SHARE * limits.jerk * limits.period / step).min(axis=1))
+        alone = np.sqrt(passable(step, limits.jerk, limits.period))
         gain = (limits.acceleration / np.abs(t)).min(axis=1) * window
         reach = np.minimum(window * np.minimum(alone + gain, largest_command(curve, limits)), curve.length)
         # Steps within three periods of one another may add up.
         total = np.append(np.zeros((1, step.shape[1])), np.cumsum(step, axis=0), axis=0)
         near = total[np.searchsorted(s, s + reach, side="right")] - total[np.searchsorted(s, s - reach)]
-        return s, np.sqrt((_STEP_SHARE * limits.jerk * limits.period / near).min(axis=1)), reach
+        return s, np.sqrt(passable(near, limits.jerk, limits.period)), reach
 
 
 def _tops(v: float, rows: FloatArray, length: float, fastest_end: float, period: float) -> FloatArray:
@@ -425,8 +424,8 @@ def _shares(
 def _steps(curve: Curve, limits: Limits, nodes: Nodes, when: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Share used of the acceleration step allowed, for the interval after each node; share of the jerk allowed at times."""
     t, u, rate, acceleration = nodes
-    jumps = [b.u for b in curve.breaks if b.geometric == 1 and u[0] < b.u < u[-1]]
-    at, window = np.flatnonzero(np.isin(u, jumps)), _AROUND_STEP * limits.period
+    jumps = [b.u for b in curve.breaks if b.is_curvature_jump and u[0] < b.u < u[-1]]
+    at, window = np.flatnonzero(np.isin(u, jumps)), PERIODS_AROUND_STEP * limits.period
     # the node before and the node after a jump, which may be one
     left, right = at[u[at - 1] != u[at]], at[u[at + 1] != u[at]]
     before, after = (curve.derivatives(u[i], 2, side=side)[1:] for i, side in zip((left, right), _SIDES, strict=True))
@@ -435,6 +434,6 @@ def _steps(curve: Curve, limits: Limits, nodes: Nodes, when: FloatArray) -> tupl
     total, when_passed = np.append(np.zeros((1, curve.dim)), np.cumsum(step, axis=0), axis=0), t[left]
     first, last = (np.searchsorted(when_passed, when_passed + side * window) for side in (-1.0, 1.0))
     used = np.zeros(t.size - 1)
-    used[right] = ((total[last] - total[first]) / (_STEP_SHARE * limits.jerk * limits.period)).max(axis=1, initial=0.0)
+    used[right] = ((total[last] - total[first]) / (STEP_SHARE * limits.jerk * limits.period)).max(axis=1, initial=0.0)
     near = np.searchsorted(when_passed, when + window, side="right") > np.searchsorted(when_passed, when - window)
-    return used, np.where(near, _JERK_NEAR_STEP, 1.0)
+    return used, np.where(near, JERK_BESIDE_STEP, 1.0)

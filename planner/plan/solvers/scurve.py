@@ -115,7 +115,7 @@ def plan_section(
         If no plan was found that holds every limit.
     """
     limits = require_limits(curve, limits)
-    corners = [b.u for b in curve.breaks if b.geometric == 0 and u_start < b.u < u_end]
+    corners = [b.u for b in curve.breaks if b.is_corner and u_start < b.u < u_end]
     if corners:
         raise InputError(
             f"{curve.name}: the corner at u = {corners[0]:.9g} must be an exact stop, the end of a section"

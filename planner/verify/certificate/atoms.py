@@ -26,9 +26,8 @@ from planner.types import FloatArray
 from planner.verify.certificate.multipliers import IntArray
 from planner.verify.certificate.pathspeeds import Bounds, Flags, PathPoints, path_points, stop_caps
 from planner.verify.certificate.quadrature import SectionPath, Stretches
+from planner.verify.sizes import STEP_PEAK, STEP_REACH
 
-_STEP_SEEN = 0.75  # a unit step, sampled, in jerk times period
-_WINDOW = 1.5  # periods before and after a jump in which its step takes from the jerk
 _TIME_MARGIN = 1.01  # the shortest times are Gauss sums
 _CORNER_SLACK = 1e-9  # by which a vertex may lie outside the others' limits and still count
 
@@ -114,8 +113,8 @@ def stepped(before: Side, after: Side, path: SectionPath, spared: FloatArray) ->
     # The step of the tip's acceleration is the part of the axes' steps along the tip's tangent.
     along = np.where(linear, tangent / tip, 0.0) if tip > 0.0 else np.zeros(dim)
     cost = before.load[:dim] + before.load[-1] * along
-    saved = 2.0 * _WINDOW * _STEP_SEEN * spared[:dim] / bounds.jerk[:dim]
-    largest = np.minimum(bounds.jerk[:dim] * limits.period / _STEP_SEEN, 2.0 * bounds.acceleration[:dim])
+    saved = 2.0 * STEP_REACH * STEP_PEAK * spared[:dim] / bounds.jerk[:dim]
+    largest = np.minimum(bounds.jerk[:dim] * limits.period / STEP_PEAK, 2.0 * bounds.acceleration[:dim])
     if not np.isfinite(largest[tangent != 0.0]).any():
         if np.dot(cost, tangent) != 0.0:
             return -np.inf  # nothing limits a step along the path
@@ -163,7 +162,7 @@ def spared_around(path: SectionPath, stretches: Stretches, times: FloatArray, at
     ``times (p + 1,)`` are the shortest times from the start of the section to the ends of its parts, ``at (jumps,)``
     those to the jumps.  At an end the window is cut off, so a jump closer than that to one is not alone either.
     """
-    reach = _TIME_MARGIN * _WINDOW * path.limits.period
+    reach = _TIME_MARGIN * STEP_REACH * path.limits.period
     low = np.searchsorted(times[1:], at - reach, side="left")
     high = np.searchsorted(times[:-1], at + reach, side="right")
     around = np.diff(np.concatenate([[-np.inf], at, [np.inf]]))

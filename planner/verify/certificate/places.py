@@ -37,7 +37,8 @@ class Places:
     @classmethod
     def of(cls, curve: Curve) -> Places:
         """Ask the curve."""
-        corners, jumps = (np.array([b.u for b in curve.breaks if b.geometric == order]) for order in (0, 1))
+        corners = np.array([b.u for b in curve.breaks if b.is_corner])
+        jumps = np.array([b.u for b in curve.breaks if b.is_curvature_jump])
         return cls(curve._candidate_breaks(), corners, jumps, ON_KNOT * (curve.domain[1] - curve.domain[0]))
 
     def on(self, some: FloatArray, u: FloatArray) -> Flags:
