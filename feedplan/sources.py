@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from planner.errors import InputError
+from planner.geometry.catalog import POINTS_TOLERANCE_MM
 from planner.programs import DEFAULT_TOLERANCE, SUFFIXES
 
 if TYPE_CHECKING:
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
 # Of the tolerance, where a program is written too: the path takes this, and the lines of the program the rest.
 PATH_SHARE = 0.75
 _LONG = 20_000  # moves
-_POINTS_TOLERANCE = 1e-3  # mm, of the points of a CSV file
 Pairs: TypeAlias = tuple[tuple[str, str], ...]
 
 
@@ -79,7 +79,7 @@ def plain_curve(source: str | Path | Curve, scale: float, tolerance: float | Non
         curve = source if isinstance(source, Curve) else load_curve(source, scale=scale)
         return SourceCurve(curve, tolerance or DEFAULT_TOLERANCE)
     if tolerance is None:
-        curve, allowed, room = load_curve(source, scale=scale), _POINTS_TOLERANCE, DEFAULT_TOLERANCE
+        curve, allowed, room = load_curve(source, scale=scale), POINTS_TOLERANCE_MM, DEFAULT_TOLERANCE
     else:
         require_unscaled(source, scale)
         allowed, room = share * tolerance, (1.0 - share) * tolerance

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from planner.frames import Tabular
 from planner.geometry.curve import Curve
 from planner.machine.limits import COMMANDS, Limits
-from planner.profile import FeedrateProfile, Samples
+from planner.profile import BOUND_TOLERANCE, FeedrateProfile, Samples
 from planner.quantity import QUANTITIES
 from planner.status import Claim
 from planner.verify import Report, Row
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 # Rows of a report that are limits of the machine; the others say that a plan is a plan at all, and are counted.
 _LIMITS = (COMMANDS[0], COMMANDS[1], *(q.label for q in QUANTITIES[1:]), "jerk at a curvature break")
 _SHARE_SHOWN = 0.005  # limits that hold the path back for less of the time are summed up
-_CHECK_TOLERANCE = 2e-6  # of the time: by so much a plan may gain within the tolerance of its check
 _WORTH_SHOWN = 1e-4  # of the duration
 _NOTES_SHOWN = 8
 _LINES_SHOWN = 8
@@ -110,7 +109,7 @@ class Verdict(Tabular):
     @property
     def contradicted(self) -> bool:
         """The lower bound lies above a plan that keeps every limit: the bound is wrong."""
-        return self.holds and self.gap < -_CHECK_TOLERANCE
+        return self.holds and self.gap < -BOUND_TOLERANCE
 
     @property
     def lower_bound(self) -> float:

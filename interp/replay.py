@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from interp.periods import MAX_SAMPLES, WHOLE_PERIOD
 from planner.errors import InputError
 from planner.geometry.curve import Curve
 from planner.inputs import require_instance
@@ -17,10 +18,7 @@ if TYPE_CHECKING:
     from interp.taylor import InterpolatorTable, Run, TaylorTable
 
 ORDERS = (1, 2, 3, 5)
-MAX_SAMPLES = 100_000_000
 _CHUNK = 1 << 16
-# A time this close to a multiple of the period, in periods, is that multiple.
-_WHOLE_PERIOD = 1e-9
 
 
 def replay(
@@ -93,8 +91,8 @@ def _range(duration: float, period: float, start: float, stop: float | None, end
         raise InputError(
             f"start = {start!r} s and stop = {until!r} s must lie within the plan: 0 <= start <= stop <= {duration!r}"
         )
-    first = ceil(start / period - _WHOLE_PERIOD)
-    last = end if duration - until <= _WHOLE_PERIOD * period else floor(until / period + _WHOLE_PERIOD)
+    first = ceil(start / period - WHOLE_PERIOD)
+    last = end if duration - until <= WHOLE_PERIOD * period else floor(until / period + WHOLE_PERIOD)
     if last < first:
         raise InputError(
             f"no multiple of the period {period!r} s lies between start = {start!r} s and stop = {until!r} s"

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from interp import taylor_kernels as kernels
+from interp.periods import WHOLE_PERIOD
 from interp.taylor_kernels import quintic_step, taylor_step
 from planner.errors import InputError
 from planner.geometry.curve import Curve, Pieces
@@ -33,8 +34,6 @@ __all__ = ["InterpolatorTable", "TaylorTable", "last_sample", "quintic_step", "s
 
 Run = Callable[[FloatArray, FloatArray, FloatArray], None]
 
-# A duration this close to a whole number of periods, in periods, is that number: its rounding must not add a sample.
-_WHOLE_PERIOD = 1e-9
 # Leading bits of the period; times a sample number below 2^33 their product is exact.
 _PERIOD_BITS = 20
 _MAX_SAMPLE = 2**33
@@ -208,7 +207,7 @@ def last_sample(duration: float, period: float) -> int:
             f"period = {period!r} s cuts the plan of {duration:.9g} s into more than 2^33 samples; use a coarser period"
         )
     whole = round(periods)
-    return max(1, whole if abs(periods - whole) <= _WHOLE_PERIOD else int(np.ceil(periods)))
+    return max(1, whole if abs(periods - whole) <= WHOLE_PERIOD else int(np.ceil(periods)))
 
 
 def runner(table: InterpolatorTable | TaylorTable, order: int) -> Run:

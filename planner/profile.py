@@ -28,6 +28,9 @@ from planner.types import FloatArray
 
 # A limit holds the path back where it is used up to within half a percent.
 BINDING_SHARE = 0.995
+# Of the duration: by so much a plan that passes its check may be faster than the bound of every plan, since it may exceed
+# its limits by half of that.
+BOUND_TOLERANCE = 2e-6
 _WORTH_KEEPING = 1.0001  # of slowing down: less changes no name of a limit
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from feedplan.comparison.methods import Motion, planned_motion
 from feedplan.job import Job
+from interp.literature.feedshapes import SLOWEST_FEED
 from planner.geometry.curve import Curve
 from planner.machine.limits import Limits
 from planner.profile import FeedrateProfile, Samples
@@ -22,7 +23,6 @@ _POWERS = {quantity.label: quantity.power for quantity in QUANTITIES}
 _STEP = "step on a smooth path"  # of the acceleration: breaks the jerk limit, and no slowing cures it
 # Rows that measure one of them in another way.
 _SAME_LIMIT = dict.fromkeys(("jerk at a curvature break", "acceleration step", _STEP), JERK.label)
-_SLOWEST_FEED = 1.0  # mm/s; below it a relative deviation says nothing
 _ROUNDING = 1e-9
 _DILATIONS = 8
 _MOST_POINTS = 3_000_000  # of a slowed motion whose chords are measured
@@ -124,7 +124,7 @@ def fluctuation(curve: Curve, motion: Motion) -> float:
     samples = motion.samples
     covered = np.diff(curve.tip.arclength.s(samples.u))[:-1]
     meant = motion.commanded[: covered.size] * samples.period
-    counted = meant > _SLOWEST_FEED * samples.period
+    counted = meant > SLOWEST_FEED * samples.period
     return float(np.abs(covered[counted] / meant[counted] - 1.0).max()) if counted.any() else nan
 
 

@@ -24,6 +24,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
+from interp.periods import MAX_SAMPLES, WHOLE_PERIOD
 from planner.errors import InputError
 from planner.geometry.curve import Curve
 from planner.inputs import coordinates, positive_number, require_instance
@@ -34,12 +35,8 @@ ShapeName = Literal["trapezoid", "exponential", "bell"]
 FilterName = Literal["moving average", "half-sine", "exponential"]
 SHAPES: tuple[ShapeName, ...] = get_args(ShapeName)
 FILTERS: tuple[FilterName, ...] = get_args(FilterName)
-# The exponential's time constants in a ramp.
-EXPONENTIAL_RATE = 5.0
 # Feeds below this, mm/s, have no meaningful error.
 SLOWEST_FEED = 1.0
-MAX_SAMPLES = 100_000_000
-_WHOLE_PERIOD = 1e-9
 # An exponential filter is followed for as many time constants: what is left of a step is 2e-9 of it.
 _TIME_CONSTANTS_FOLLOWED = 20.0
 
@@ -250,6 +247,8 @@ def filter_axes(samples: Samples, kind: FilterName, ramp: float) -> FilteredRun:
         raise InputError(f"kind = {kind!r} must be one of {', '.join(FILTERS)}")
     from scipy.signal import lfilter
 
+    from interp.literature.classic_kernels import EXPONENTIAL_RATE
+
     period = samples.period
     if not (isfinite(ramp) and ramp >= period):
         raise InputError(f"ramp = {ramp!r} s must be finite and at least a period, {period!r} s")
@@ -275,7 +274,7 @@ def _count(duration: float, period: float) -> int:
     periods = duration / period
     if not periods < MAX_SAMPLES:
         raise InputError(f"period = {period!r} s makes {periods:.3g} samples; at most {MAX_SAMPLES} are allowed")
-    return max(1, ceil(periods - _WHOLE_PERIOD))
+    return max(1, ceil(periods - WHOLE_PERIOD))
 
 
 def _run(curve: Curve, shape: FloatArray, period: float, order: int, count: int) -> ShapedRun:

@@ -26,7 +26,8 @@ import numpy as np
 
 from interp import taylor_kernels as kernels
 from interp.literature import classic_kernels
-from interp.replay import MAX_SAMPLES, replay
+from interp.periods import MAX_SAMPLES
+from interp.replay import replay
 from interp.taylor import InterpolatorTable, TaylorTable, runner, start
 from planner.errors import InputError, StalledError
 from planner.geometry.curve import Curve

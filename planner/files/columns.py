@@ -36,7 +36,7 @@ _ROWS_AT_ONCE = 5000  # bounds the memory that text takes: a cell is ten times i
 _DIGITS = frozenset("0123456789+-.eE")
 _WORDS = frozenset("nanif")  # of nan and inf, which get a message of their own
 _SEALS = ("rows_sha256", "header_sha256")
-_ZIP_DATE = (1980, 1, 1, 0, 0, 0)  # the earliest a zip archive can say; the time of writing would change the bytes
+ZIP_DATE = (1980, 1, 1, 0, 0, 0)  # the earliest a zip archive can say; the time of writing would change the bytes
 
 
 def file_format(path: str | Path) -> str:
@@ -117,7 +117,7 @@ def _write_npz(file: BinaryIO, lines: str, columns: Columns) -> None:
     members = {"header": np.array(_encode(lines).decode("utf-8"))} | dict(columns)
     with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:
         for name, values in members.items():
-            with archive.open(zipfile.ZipInfo(f"{name}.npy", _ZIP_DATE), "w", force_zip64=True) as entry:
+            with archive.open(zipfile.ZipInfo(f"{name}.npy", ZIP_DATE), "w", force_zip64=True) as entry:
                 np.lib.format.write_array(entry, values, allow_pickle=False)
 
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from planner.geometry.nurbs import NurbsCurve
 
 CATALOG = ("teardrop", "hypotrochoid", "snailshell", "butterfly", "circle", "butterfly-nurbs", "flank")
-_POINTS_TOLERANCE_MM = 1e-3
+POINTS_TOLERANCE_MM = 1e-3  # of the points of a CSV file
 _AXIS_KEYS = ("x", "y", "z", "a", "b", "c")
 _MACHINE = "table-tilting ac"
 _REMARKS = ("name", "note", "units", "source", "dim", "type", "knots_4digit")
@@ -84,7 +84,7 @@ def _from_drawing(source: str | Path, kind: str) -> NurbsCurve:
     from planner.geometry.drawing import read_dxf
     from planner.geometry.points import read_points
 
-    return read_dxf(source) if kind == ".dxf" else read_points(source, _POINTS_TOLERANCE_MM)
+    return read_dxf(source) if kind == ".dxf" else read_points(source, POINTS_TOLERANCE_MM)
 
 
 def _scaled(curve: NurbsCurve, scale: float) -> NurbsCurve:

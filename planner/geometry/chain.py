@@ -26,7 +26,7 @@ from planner.types import FloatArray, Side
 _FIT_TOLERANCE = 1e-13  # of the unit tangent
 _MAX_HALVINGS = 24
 _PROBES = 24
-_INTERVALS = np.array([4, 200, 4])  # of a plan that resolve a leg, a blend and a span
+INTERVALS_OF_KIND = np.array([4, 200, 4])  # of a plan that resolve a leg, a blend and a span
 
 
 class Kind(IntEnum):
@@ -122,7 +122,7 @@ class ChainCurve(Curve):
         """By kind: a blend is short against the path, and passed within few milliseconds."""
         first = np.searchsorted(self.edges, start, side="right") - 1
         last = np.searchsorted(self.edges, end, side="left")
-        return int(_INTERVALS[self.kind[max(first, 0) : last]].sum())
+        return int(INTERVALS_OF_KIND[self.kind[max(first, 0) : last]].sum())
 
     @cached_property
     def breaks(self) -> tuple[Break, ...]:

@@ -27,6 +27,7 @@ from planner.types import FloatArray, Side
 
 AXES = ("X", "Y", "Z", "A", "B", "C", "U", "V", "W")
 ROTARY_AXES = frozenset("ABC")
+MAX_COORDINATE = 1e9  # mm; beyond it the digits of a double no longer hold a path to 1e-7
 DEFAULT_AXES = ("X", "Y", "Z", "U", "V", "W")
 
 # |C'| below this fraction of its values around is a cusp: the unit tangent is lost to cancellation there.

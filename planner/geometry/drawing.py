@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from planner.errors import CurveError
+from planner.geometry.curve import MAX_COORDINATE
 from planner.geometry.nurbs import NurbsCurve
 from planner.inputs import shorten
 from planner.types import FloatArray
@@ -28,7 +29,6 @@ from planner.types import FloatArray
 # Ends of neighbours lie this close; drawings are written with some 6 to 16 digits.
 _JOIN_MM = 1e-3
 _UNITS = {0: 1.0, 1: 25.4, 2: 304.8, 4: 1.0, 5: 10.0, 6: 1000.0, 13: 1e-3}  # $INSUNITS to mm; 0 is unitless
-_LARGEST = 1e9  # mm, of a coordinate or a radius
 _STRAIGHT = 1e-9  # rad: an arc that turns less is a line, to what a joint counts as smooth
 # A foreign parser of damaged bytes trips over whatever it meets.
 _PARSER_ERRORS = (
@@ -142,12 +142,14 @@ class _Drawn:
         """Refuse what is no number, or no number of a drawing."""
         with np.errstate(over="ignore"):
             sizes = np.abs(self.rows[:, :3]) * unit
-        if not (sizes <= _LARGEST).all():
-            raise CurveError(f"{self.label}: its coordinates must be finite, and lie within {_LARGEST:g} mm of 0")
+        if not (sizes <= MAX_COORDINATE).all():
+            raise CurveError(f"{self.label}: its coordinates must be finite, and lie within {MAX_COORDINATE:g} mm of 0")
         if not np.isfinite([*self.numbers, *self.rows[:, 3:].reshape(-1)]).all():
             raise CurveError(f"{self.label}: its radius, angles, bulges, knots and weights must be finite")
-        if self.kind in ("ARC", "CIRCLE") and not 0.0 < self.numbers[0] * unit <= _LARGEST:
-            raise CurveError(f"{self.label}: radius = {self.numbers[0]!r} must be > 0, and at most {_LARGEST:g} mm")
+        if self.kind in ("ARC", "CIRCLE") and not 0.0 < self.numbers[0] * unit <= MAX_COORDINATE:
+            raise CurveError(
+                f"{self.label}: radius = {self.numbers[0]!r} must be > 0, and at most {MAX_COORDINATE:g} mm"
+            )
         return self
 
 
@@ -268,8 +270,10 @@ def _bulged(start: FloatArray, end: FloatArray, bulge: float, label: str) -> Ite
         return
     sine = 2.0 * bulge / (1.0 + bulge**2)  # of half the sweep
     length = float(np.linalg.norm(chord)) * 0.5 * sweep / sine
-    if not abs(length) <= _LARGEST:
-        raise CurveError(f"{label}: bulge = {bulge:.6g} makes an arc of {abs(length):.3g} mm; at most {_LARGEST:g} mm")
+    if not abs(length) <= MAX_COORDINATE:
+        raise CurveError(
+            f"{label}: bulge = {bulge:.6g} makes an arc of {abs(length):.3g} mm; at most {MAX_COORDINATE:g} mm"
+        )
     count = max(1, int(np.ceil(abs(sweep) / _LARGEST_ARC - 1e-9)))
     half = 0.5 * sweep / count  # of a segment
     angle = half * np.arange(2 * count + 1)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from planner.errors import CurveError
+from planner.geometry.curve import MAX_COORDINATE
 from planner.geometry.nurbs import NurbsCurve
 from planner.geometry.tolerance import PathTolerance
 from planner.inputs import plain_number, positive_number, read_text, shorten
@@ -17,7 +18,6 @@ from planner.types import FloatArray
 
 _FIT_DEGREE = 5
 _FIT_TRIALS = 12
-_LARGEST = 1e9  # mm, of a coordinate
 _NOT_FINITE = ("inf", "-inf", "nan")
 _SAME = 1e-12  # of the length: steps that are lost in the parameter
 
@@ -167,9 +167,10 @@ def _read_table(path: str | Path) -> tuple[FloatArray, FloatArray, tuple[str, ..
                 f"{path}:{reader.line_num}: {shorten(','.join(cells))} must be "
                 f"{wanted if rows or names else '2 or 3'} finite numbers"
             )
-        if max(map(abs, row)) > _LARGEST:
+        if max(map(abs, row)) > MAX_COORDINATE:
             raise CurveError(
-                f"{path}:{reader.line_num}: {shorten(','.join(cells))}: coordinates must lie within {_LARGEST:g} mm of 0"
+                f"{path}:{reader.line_num}: {shorten(','.join(cells))}: coordinates must lie within "
+                f"{MAX_COORDINATE:g} mm of 0"
             )
         rows.append(row)
         lines.append(reader.line_num)

@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 
 from planner.certificate import Certificate, CertificateSection
 from planner.errors import InputError
+from planner.files.columns import ZIP_DATE
 from planner.files.whole_file import whole_file
 
 FORMAT = "feedplan-certificate 1"
 _MEMBERS = ("header", "knots", "ends", "sigma", "u", "jerk", "acceleration")
 _TYPES = {"header": "u1", "knots": "i8"}
-_ZIP_DATE = (1980, 1, 1, 0, 0, 0)  # the earliest a zip archive can say; the time of writing would change the bytes
 _LARGEST_HEADER = 10_000  # bytes; names of limits and a hash
 
 
@@ -55,7 +55,7 @@ def write_certificate(path: str | Path, certificate: Certificate) -> None:
     }
     with whole_file(path) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:
         for name, values in members.items():
-            with archive.open(zipfile.ZipInfo(f"{name}.npy", _ZIP_DATE), "w", force_zip64=True) as entry:
+            with archive.open(zipfile.ZipInfo(f"{name}.npy", ZIP_DATE), "w", force_zip64=True) as entry:
                 np.lib.format.write_array(entry, np.ascontiguousarray(values), allow_pickle=False)
 
 

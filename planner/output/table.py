@@ -37,7 +37,7 @@ from planner.output.table_header import (
     status_of,
     tolerance_lines,
 )
-from planner.profile import FeedrateProfile, Samples
+from planner.profile import BOUND_TOLERANCE, FeedrateProfile, Samples
 from planner.quantity import AXIS, limit_names
 from planner.status import Claim
 from planner.types import FloatArray
@@ -70,7 +70,6 @@ _KEYS = (
 )
 # Axes that follow from the parameter may differ by what another machine's rounding does, against their largest value.
 _AGREEMENT = 1e-9
-_BOUND = 2e-6  # of the duration: what a lower bound may lie above it by, since both are rounded
 _AT_REST = 1e-9  # of the largest feed
 _SAME_PLACE = 1e-9  # of the domain: what rounding may leave between two rows of one place
 
@@ -354,7 +353,7 @@ def _require_facts(file: ColumnFile, profile: FeedrateProfile) -> None:
             f"t_s = {profile.duration!r}"
         )
     bound = profile.lower_bound
-    if not (np.isnan(bound) or 0.0 <= bound <= profile.duration * (1.0 + _BOUND)):
+    if not (np.isnan(bound) or 0.0 <= bound <= profile.duration * (1.0 + BOUND_TOLERANCE)):
         raise InputError(
             f"{file.path}: the header says lower_bound_s = {bound!r}; it must be nan, or lie within [0, "
             f"{profile.duration!r}], the duration"

@@ -19,7 +19,7 @@ from planner.geometry.differential import arc_derivatives
 from planner.law import TimeLaw
 from planner.machine.limits import Limits, feedrate_limits, require_limits
 from planner.origin import Origin
-from planner.plan.bounds import section_bound
+from planner.plan.bounds import MAX_INTERVALS, section_bound
 from planner.plan.chord_errors import slowed_for_chords
 from planner.plan.dual.problem import Pace
 from planner.plan.ends import FREE, end_with, feed_at
@@ -44,7 +44,6 @@ from planner.types import FloatArray, Progress
 
 Method = Literal["optimal", "nlp", "toppra", "scurve"]
 
-_MAX_INTERVALS = 20_000_000
 _LARGEST_SHARE = 1.0 - 1e-6  # of an acceleration at the start: the solver begins inside its limits
 _HARDLY_A_PLAN = 10.0  # of slowing down as a whole
 
@@ -179,8 +178,8 @@ def _validate(
         whole = isinstance(intervals, int | np.integer) and not isinstance(intervals, bool)
         if not whole:
             raise InputError(f"intervals = {intervals!r} must be a whole number")
-        if not MIN_INTERVALS <= intervals <= _MAX_INTERVALS:
-            raise InputError(f"intervals = {intervals!r} must lie within [{MIN_INTERVALS}, {_MAX_INTERVALS}]")
+        if not MIN_INTERVALS <= intervals <= MAX_INTERVALS:
+            raise InputError(f"intervals = {intervals!r} must lie within [{MIN_INTERVALS}, {MAX_INTERVALS}]")
     if periodic:
         if method not in {"optimal", "nlp"}:
             raise InputError(f"periodic = True is planned by the methods optimal and nlp, not by {method!r}")

@@ -23,15 +23,14 @@ from planner.plan.ends import FREE, Feed, end_with, feed_at
 from planner.plan.jumps import STEP_SEEN
 from planner.plan.knots import place_knots, scan, with_blends
 from planner.plan.section import Section, sections_between
-from planner.profile import FeedrateProfile
+from planner.profile import BOUND_TOLERANCE, FeedrateProfile
 from planner.verify import check
 
 INTERVALS = 1000
 _PER_NODE, _FEW = 1.2, 4  # default intervals a node of the plan, and for how many limits so many are cheap
-_MIN_INTERVALS, _MAX_INTERVALS = 40, 20_000_000
+_MIN_INTERVALS = 40
+MAX_INTERVALS = 20_000_000  # bounds the memory
 _QUICK, _COARSER = 250, 8  # the bound that every plan carries: least intervals, or an eighth of the plan's
-# By how much a plan that passes its check may be faster than the bound: it may exceed its limits by half of that.
-_CHECK_TOLERANCE = 2e-6
 _SEAM_TOLERANCE = 1e-6  # of feed and acceleration at the ends of a periodic plan
 _SHOWN = 8  # stops in a statement
 
@@ -94,8 +93,8 @@ def certify(curve: Curve, limits: Limits, profile: FeedrateProfile, *, intervals
     require_instance(profile, FeedrateProfile, "profile")
     if intervals is None:
         intervals = _default_intervals(Multiplied.of(limits, curve), profile)
-    if not _MIN_INTERVALS <= intervals <= _MAX_INTERVALS:
-        raise InputError(f"intervals = {intervals!r} must lie within [{_MIN_INTERVALS}, {_MAX_INTERVALS}]")
+    if not _MIN_INTERVALS <= intervals <= MAX_INTERVALS:
+        raise InputError(f"intervals = {intervals!r} must lie within [{_MIN_INTERVALS}, {MAX_INTERVALS}]")
     periodic = _is_periodic(curve, profile)
     stops = _stops(profile)
     start, end = (FREE, FREE) if periodic else (end_with(float(feed)) for feed in profile.feed[[0, -1]])
@@ -117,7 +116,7 @@ def certify(curve: Curve, limits: Limits, profile: FeedrateProfile, *, intervals
         periodic,
     )
     bound = Bound(certificate, statement(curve, limits, certificate))
-    if total > profile.duration * (1.0 + _CHECK_TOLERANCE) and check(curve, limits, profile).ok:
+    if total > profile.duration * (1.0 + BOUND_TOLERANCE) and check(curve, limits, profile).ok:
         raise SolverError(
             f"the lower bound of {curve.name} came out as {total:.9g} s, above a plan of {profile.duration:.9g} s that "
             "passes its check: an error of this program; please report it with the curve and the limits"

@@ -16,14 +16,13 @@ from planner.geometry.curve import Curve
 from planner.law import TimeLaw
 from planner.machine.limits import Limits
 from planner.types import FloatArray
-from planner.verify.chords import profile_chord
+from planner.verify.chords import CHORD_PARTS, profile_chord
 from planner.verify.motion import Motion, Quintics
 
 MET_CHORD = 1.0 + 2e-7
 _MOST_PASSES = 24  # of one section
 _LARGEST_STEP = 3.0  # of the slowing down in one pass
 _BEYOND = 1e-6
-_PARTS = 16  # of a period
 _MOST_POINTS = 1_000_000
 
 
@@ -35,7 +34,7 @@ def chord_shares(curve: Curve, limits: Limits, law: TimeLaw) -> tuple[FloatArray
     """
     tip, (u0, u1) = curve.tip, curve.domain
     period = min(limits.period, float(law.t[-1]))
-    part = max(period / _PARTS, float(law.t[-1]) / _MOST_POINTS)
+    part = max(period / CHORD_PARTS, float(law.t[-1]) / _MOST_POINTS)
     parts = max(1, round(period / part))
     times = part * np.arange(int(np.ceil(law.t[-1] / part)) + 1)
     u = law.at(np.minimum(times, law.t[-1]))[0]

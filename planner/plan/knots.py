@@ -40,8 +40,8 @@ _MIN_SCAN = 600
 # A stretch between breaks has at least so many: a cubic corner has no curvature at either end, only inside.
 _SCAN_PER_STRETCH, _GRADED = 16, 20
 # How much of acceleration and jerk the scans let the feed use along the path; the rest is left to the curvature.
-_SCAN_ACCELERATION = 0.7
-_SCAN_JERK = 0.35 * 2.12
+GROWTH_ACCELERATION = 0.7
+GROWTH_JERK = 0.35 * 2.12
 # An axis that hardly moves at a stop hardly limits what the path may do there; beyond this factor its share is not taken.
 _UNUSUAL = 10.0
 # Spacing at a curvature jump against the width of the dip there, and at most how many knots a dip may add to a grid.
@@ -224,7 +224,7 @@ def _dips(section: Section, limits: Limits, weights: FloatArray) -> Dips:
         for i, (at, prescribed) in enumerate(feeds, start=len(section.jumps)):
             tip = np.sqrt(np.sum(curve.tip.derivatives(at, 1)[1] ** 2))
             feed[i] = prescribed / tip * np.sqrt(np.sum(sides[0][1, i] ** 2))
-        width = feed**1.5 / (_SCAN_JERK * np.sqrt(np.fmin.reduce(jerks / np.abs(after[1]), axis=1)))
+        width = feed**1.5 / (GROWTH_JERK * np.sqrt(np.fmin.reduce(jerks / np.abs(after[1]), axis=1)))
     if section.arc is None:
         width /= np.sqrt(dot(sides[0][1], sides[0][1]))
     least = _NARROWEST_DIP * (section.y_end - section.y_start)
@@ -308,7 +308,7 @@ def _reachable(
     # Powers are taken of shares of the largest feed: the same numbers in any units.
     top = float(feed[np.isfinite(feed)].max(initial=0.0)) or 1.0
     share = feed / top
-    growths = ((2.0, 2.0 * _SCAN_ACCELERATION * acceleration / top**2), (1.5, _SCAN_JERK * np.sqrt(jerk / top**3)))
+    growths = ((2.0, 2.0 * GROWTH_ACCELERATION * acceleration / top**2), (1.5, GROWTH_JERK * np.sqrt(jerk / top**3)))
     for power, rate in growths:
         finite = np.isfinite(rate)
         if not finite.any():

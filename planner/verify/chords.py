@@ -16,7 +16,7 @@ from planner.verify.report import Place
 from planner.verify.sizes import LENGTH_ACCURACY
 
 # A period is looked at in sixteenths; chords start every fourth of them.
-_CHORD_PARTS = 16
+CHORD_PARTS = 16
 _CHORD_STRIDE = 4
 _STARTS_PER_INTERVAL = 24
 _WORTH_A_LOOK = 1e-3  # of the chord error allowed
@@ -51,10 +51,10 @@ def profile_chord(motion: Motion, period: float) -> tuple[float, Place]:
 
     highest = Highest()
     for starts, points, stride in _chords(law, position, period, end):
-        height, at = _heights(points, stride, _CHORD_PARTS, starts.size)
+        height, at = _heights(points, stride, CHORD_PARTS, starts.size)
         highest.offer(height, at, starts)
 
-    start, share = _climb_chords(position, highest.x, highest.index / _CHORD_PARTS, period, end)
+    start, share = _climb_chords(position, highest.x, highest.index / CHORD_PARTS, period, end)
     heights = _from_segment(position(start + share * period)[:, None], position(start), position(start + period))[:, 0]
     best = int(heights.argmax())
     t = min(float(start[best] + share[best] * period), end)
@@ -79,19 +79,19 @@ def _chords(
     period apart; where a plan has far more periods than nodes they follow the nodes, as nothing changes faster than
     between two of those.
     """
-    part = period / _CHORD_PARTS
+    part = period / CHORD_PARTS
     count = int(np.ceil(end / (part * _CHORD_STRIDE)))
     if count <= _STARTS_PER_INTERVAL * law.h.size + CANDIDATES:
         for window in chunks(count, _CHORD_STRIDE):
-            k = np.arange(window[0] * _CHORD_STRIDE, window[-1] * _CHORD_STRIDE + _CHORD_PARTS + 1)
+            k = np.arange(window[0] * _CHORD_STRIDE, window[-1] * _CHORD_STRIDE + CHORD_PARTS + 1)
             yield np.asarray(window * _CHORD_STRIDE * part, dtype=np.float64), position(k * part), _CHORD_STRIDE
         return
     within = np.arange(_STARTS_PER_INTERVAL) / _STARTS_PER_INTERVAL
     every = (law.start[:, None] + law.h[:, None] * within).reshape(-1)
-    for window in chunks(every.size, _CHORD_PARTS + 1):
+    for window in chunks(every.size, CHORD_PARTS + 1):
         starts = every[window]
-        times = starts[:, None] + part * np.arange(_CHORD_PARTS + 1)
-        yield np.asarray(starts), position(times.reshape(-1)), _CHORD_PARTS + 1
+        times = starts[:, None] + part * np.arange(CHORD_PARTS + 1)
+        yield np.asarray(starts), position(times.reshape(-1)), CHORD_PARTS + 1
 
 
 def _climb_chords(
@@ -99,7 +99,7 @@ def _climb_chords(
 ) -> tuple[FloatArray, FloatArray]:
     """Move start and place (share of the period) of each chord to the highest distance nearby."""
     steps = np.linspace(-1.0, 1.0, 9)
-    half_start, half_share = period * _CHORD_STRIDE / _CHORD_PARTS, 1.0 / _CHORD_PARTS
+    half_start, half_share = period * _CHORD_STRIDE / CHORD_PARTS, 1.0 / CHORD_PARTS
     for _ in range(12):
         starts = np.clip(start[:, None] + half_start * steps, 0.0, end)
         shares = np.clip(share[:, None] + half_share * steps, 0.0, 1.0)

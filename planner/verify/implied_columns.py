@@ -18,14 +18,13 @@ import numpy as np
 from planner.geometry.curve import Curve
 from planner.geometry.differential import chain_rule, norm
 from planner.machine.limits import Limits
-from planner.profile import FeedrateProfile
+from planner.profile import BINDING_SHARE, FeedrateProfile
 from planner.quantity import CHORD_ERROR, FEED, NONE, with_label
 from planner.types import FloatArray
 from planner.verify.motion import Quintics
 from planner.verify.peaks import IntArray
 from planner.verify.quantities import names
 
-BINDING_SHARE = 0.995  # of a limit; above this it holds the path back
 BINDING_TOLERANCE = 1e-3  # of a limit
 # What rounding on another machine may do to the columns: to arc length against that of the curve, to feed against the
 # largest, to acceleration and jerk against the terms of which they are the sum.

@@ -23,7 +23,7 @@ from planner.files.archive import read_arrays
 from planner.files.whole_file import whole_file
 
 _HEADER = "header"
-_FORMAT = "feedplan windows 2"
+FORMAT = "feedplan windows 2"
 
 
 @dataclass(frozen=True)
@@ -79,8 +79,8 @@ class Journal:
             header = json.loads(str(arrays.pop(_HEADER)))
         except (KeyError, ValueError, RecursionError):
             raise self.refusal(path, "is damaged (it has no header)") from None
-        if not isinstance(header, dict) or header.get("format") != _FORMAT:
-            raise self.refusal(path, f"is not of this version, which writes {_FORMAT}")
+        if not isinstance(header, dict) or header.get("format") != FORMAT:
+            raise self.refusal(path, f"is not of this version, which writes {FORMAT}")
         if header.get("identity") != self.identity:
             raise self.refusal(path, "belongs to another program, tolerance or machine")
         return header, arrays
@@ -102,7 +102,7 @@ class Journal:
 
     def save_state(self, header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
         """Replace the state; floats keep every digit."""
-        words = np.array(json.dumps({**header, "format": _FORMAT, "identity": self.identity}))
+        words = np.array(json.dumps({**header, "format": FORMAT, "identity": self.identity}))
         with whole_file(self.directory / "state.npz") as file:
             np.savez(file, allow_pickle=False, **{_HEADER: words, **arrays})
 

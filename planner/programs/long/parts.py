@@ -28,7 +28,16 @@ from planner.programs.path.absorb import Absorbed, absorb
 from planner.programs.path.corners import Junction, Junctions, classify
 from planner.programs.path.measure import Place, Written, largest_deviation
 from planner.programs.path.moves import Blocks
-from planner.programs.path.path import _MARGIN, _SHORT_REST, _assemble, _stretches, places_of, widest_piece
+from planner.programs.path.path import (
+    _MARGIN,
+    _SHORT_REST,
+    MAX_TRIES,
+    NARROWER,
+    _assemble,
+    _stretches,
+    places_of,
+    widest_piece,
+)
 from planner.programs.path.stretch import OVERLAP, Fitted, Stretch, fit
 from planner.programs.reading.program import Program, rows_of
 from planner.types import FloatArray
@@ -39,7 +48,6 @@ _WANTED_KNOTS = 1800.0  # of the tubes of a part
 _FEWEST_KNOTS = 2 * OVERLAP  # of a tube that is cut
 _DEFERRED = 4.0  # tolerances before a cut that are measured with the next part: twice the tangential slip
 _KEPT = 8.0  # mm of a part that are kept to measure the next one
-_MOST_TRIES, _NARROWER = 4, 0.999
 _ROUNDING = 1e-9  # mm, of abscissae
 _BESIDE = 1e-7  # mm; a junction this near to the start of a part belongs to the part before
 
@@ -125,14 +133,14 @@ class PathSource:
         while True:
             view = _View.of(self, cursor, count)
             share = 1.0
-            for number in range(_MOST_TRIES + 1):  # as for the path of a whole program
+            for number in range(MAX_TRIES + 1):  # as for the path of a whole program
                 pieces = view.fit(share, None if number else view.room)
                 if pieces is None:
                     break
                 part = _measured(view, pieces)
                 if part.share <= 1.0:
                     return part, _next(view, pieces, part)
-                share *= _NARROWER / part.share if number else 1.0
+                share *= NARROWER / part.share if number else 1.0
             else:
                 line = self.program.line[part.deviation_row]
                 raise SolverError(

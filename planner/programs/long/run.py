@@ -11,11 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.geometry.blend import Blends, Legs
-from planner.geometry.chain import ChainCurve, Kind
+from planner.geometry.chain import INTERVALS_OF_KIND, ChainCurve, Kind
 from planner.geometry.curve import FeedCaps
 from planner.types import FloatArray
 
-_INTERVALS = np.array([4, 200, 4])  # that resolve a leg, a blend and a span
 _SAME = 1e-9  # mm
 
 
@@ -51,7 +50,7 @@ class Run:
     @property
     def intervals(self) -> NDArray[np.intp]:
         """How many intervals of a plan resolve the pieces, (m,)."""
-        return np.asarray(_INTERVALS[self.curve.kind])
+        return np.asarray(INTERVALS_OF_KIND[self.curve.kind])
 
     @property
     def stops(self) -> NDArray[np.intp]:

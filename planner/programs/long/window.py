@@ -18,6 +18,7 @@ from planner.plan import plan_feedrate
 from planner.profile import FeedrateProfile
 from planner.programs.long.parts import Cursor, PathSource
 from planner.programs.long.run import Run
+from planner.programs.path.path import MIN_INTERVALS
 from planner.programs.times import largest_share, times_at
 from planner.types import FloatArray
 from planner.verify import Report, check
@@ -25,7 +26,6 @@ from planner.verify import Report, check
 _WINDOW = 8000  # intervals of a plan that are kept
 _SEVERAL = 3.0  # times stopping and getting up to speed again
 _LEAST_KEPT = 0.5  # of a window's length
-_FEWEST_INTERVALS = 1000
 _RESERVE = 5e-3  # of the limits, left unused from shortly before the end of what is kept
 _MARGIN = 2e-4
 _RESERVE_PIECES = 2  # from so many pieces before the end of what is kept
@@ -170,7 +170,7 @@ class Planner:
             reserve=self._reserve(state, None if ends_at_stop else float(run.curve.edges[edge])),
             start_feed=state.feed,
             start_acceleration=state.acceleration if state.feed > 0.0 else None,
-            intervals=max(_FEWEST_INTERVALS, int(run.intervals.sum())),
+            intervals=max(MIN_INTERVALS, int(run.intervals.sum())),
         )
         report = check(curve, limits, profile)
         return Window(state, run, ends_at_stop, edge, curve, profile, report)

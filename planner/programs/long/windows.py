@@ -37,7 +37,7 @@ from planner.files.whole_file import require_writable
 from planner.inputs import positive_number
 from planner.machine.limits import Limits
 from planner.programs.long.done import Done
-from planner.programs.long.journal import Journal
+from planner.programs.long.journal import FORMAT, Journal
 from planner.programs.long.parts import PathSource
 from planner.programs.long.restore import restored
 from planner.programs.long.window import Planner
@@ -50,7 +50,6 @@ from planner.types import FloatArray, Progress
 from planner.verify.report import BREAKS, HOLDS
 
 _COLUMNS = ("t", "u", "u_rate", "u_acceleration", "feed", "position")
-_FORMAT = "feedplan windows 2"
 
 
 @dataclass(frozen=True)
@@ -182,7 +181,7 @@ def plan_program(
     verdict = _verdict(done)
     write_line_times(lines, _line_times(journal, done, program), program.source, verdict)
     starts = np.array(list(journal.column(done.windows, "start")))
-    arrays = {"format": np.array(_FORMAT), "verdict": np.array(verdict), "axes": np.array(built.limits.axes)}
+    arrays = {"format": np.array(FORMAT), "verdict": np.array(verdict), "axes": np.array(built.limits.axes)}
     arrays |= {"t_start": starts[:, 0], "u_start": starts[:, 1]}
     journal.join(table, done.windows, _COLUMNS, arrays)
     journal.remove()
@@ -216,7 +215,7 @@ def _path_source(program: Program, limits: Limits, tolerance: float | None) -> P
 
 def _identity(path: PathSource, limits: Limits) -> str:
     """What a plan depends on, as a hash."""
-    digest = hashlib.sha256(f"{_FORMAT}, blocks absorbed".encode())
+    digest = hashlib.sha256(f"{FORMAT}, blocks absorbed".encode())
     program = path.program
     for name in ("kind", "start", "end", "centre", "normal", "sweep", "feed", "stop_after", "tolerance", "line"):
         digest.update(np.ascontiguousarray(getattr(program, name)).data)

@@ -38,8 +38,10 @@ from planner.types import FloatArray
 _MARGIN = 12.0
 _SHORT_REST = 2.0  # a leg between a tube and the end of a stretch that is shorter than this joins the tube, mm
 # The path is measured a second time as a whole; a tube that this finds beyond its tolerance is narrowed, and built again.
-_MOST_TRIES, _NARROWER = 4, 0.999
-_INTERVALS_PER_CORNER, _INTERVALS_PER_KNOT, _FEWEST_INTERVALS = 200, 4, 1000
+MAX_TRIES = 4
+NARROWER = 0.999  # than what would just do, by the measure before
+_INTERVALS_PER_CORNER, _INTERVALS_PER_KNOT = 200, 4
+MIN_INTERVALS = 1000  # of a plan of a program
 _NOISE_FACTOR = 2.0
 _DEMANDED = "demanded by the program"
 
@@ -138,13 +140,13 @@ def program_path(program: Program, tolerance: float | None, limits: Limits) -> P
     shaped = Limits(limits.feed, **rows, axes=blocks.axes, rapid=limits.rapid)
     # The rooms of the corners were measured one by one, which serves nearly always; else the other tries do without.
     share = 1.0
-    for number in range(_MOST_TRIES + 1):
+    for number in range(MAX_TRIES + 1):
         built = _build(blocks, shaped, share, None if number else absorbed.room)
         found, largest = _measure(absorbed, built, written)
         if largest <= 1.0:
             path = _report(program, (given, absorbed, blocks), built, found, largest)
             return replace(path, curve=replace(path.curve, made_within=PathTolerance(tolerance)))
-        share *= _NARROWER / largest if number else 1.0
+        share *= NARROWER / largest if number else 1.0
     raise SolverError(
         f"{program.source}: the path leaves the tolerance by {largest - 1.0:.2g} of it at abscissa {found.abscissa:.6g} mm; "
         "give a larger tolerance"
@@ -378,7 +380,7 @@ def _report(
         deviation=found,
         deviation_line=int(line[at]),
         deviation_share=share,
-        intervals=max(_FEWEST_INTERVALS, intervals),
+        intervals=max(MIN_INTERVALS, intervals),
         counts=counts,
         notes=_notes(absorbed, blocks, built),
     )

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from planner.geometry.chain import span_derivatives
 from planner.machine.limits import Limits
+from planner.plan.knots import GROWTH_ACCELERATION, GROWTH_JERK
 from planner.programs.path import tube_knots as knotting
 from planner.programs.path.deviation import Programmed, foot_distance, refined_peaks, samples_between
 from planner.programs.path.tube import Spline, Tube, greville, samples_of, smoothest
@@ -32,7 +33,6 @@ _SHRINK = 0.95
 _ENTRY = 4.0  # tolerances after the start of a window: twice the tangential slip
 _DENSITY = 12  # samples between neighbouring knots
 _LEAST_SPEED = 0.1  # of the largest, in the weights
-_GROWTH_ACCELERATION, _GROWTH_JERK = 0.7, 0.35 * 2.12  # see planner.plan.knots
 
 
 @dataclass(frozen=True, eq=False)
@@ -301,7 +301,7 @@ def reachable(s: FloatArray, ceiling: FloatArray, acceleration: FloatArray, jerk
     Under an acceleration A alone v^2 grows by 2A a mm; under a jerk J alone v^1.5 by 2.12 sqrt(J).
     """
     speed = ceiling
-    for power, rate in ((2.0, 2.0 * _GROWTH_ACCELERATION * acceleration), (1.5, _GROWTH_JERK * np.sqrt(jerk))):
+    for power, rate in ((2.0, 2.0 * GROWTH_ACCELERATION * acceleration), (1.5, GROWTH_JERK * np.sqrt(jerk))):
         if not np.isfinite(rate).all():
             continue
         growth = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(s))])

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from planner.geometry.curve import MAX_COORDINATE
 from planner.programs.reading.words import O_WORDS, Faults, IntArray, Mask, Words
 from planner.types import FloatArray
-
-MAX_NUMBER = 1e9  # beyond it the digits of a double no longer hold a path in mm to 1e-7
 
 # The modal groups; of each one word may stand in a block.  G40, G49 and G54 are read, and change nothing.
 MOTION, PLANE, UNITS, DISTANCE, CENTRES, FEED_MODE, PATH_MODE, DWELL, COMPENSATION, TOOL_LENGTH, OFFSET = range(11)
@@ -95,8 +94,8 @@ def sort_words(words: Words, faults: Faults) -> Blocks:
     """Sort the words of every block by letter and modal group; refuse what is unknown or given twice."""
     starts = np.append(True, np.diff(words.line) > 0)
     of_word, first = np.cumsum(starts) - 1, np.flatnonzero(starts)
-    wide = np.flatnonzero(~(np.abs(words.value) <= MAX_NUMBER))
-    faults.add(wide, f"the number must be at most {MAX_NUMBER:.0e}")
+    wide = np.flatnonzero(~(np.abs(words.value) <= MAX_COORDINATE))
+    faults.add(wide, f"the number must be at most {MAX_COORDINATE:.0e}")
     value = words.value.copy()
     value[wide] = 0.0
 

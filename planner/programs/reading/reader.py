@@ -29,6 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputError
+from planner.geometry.curve import MAX_COORDINATE
 from planner.inputs import numbers
 from planner.programs.reading.arcs import resolve_arcs
 from planner.programs.reading.blocks import (
@@ -38,7 +39,6 @@ from planner.programs.reading.blocks import (
     DISTANCE,
     DWELL,
     FEED_MODE,
-    MAX_NUMBER,
     MOTION,
     PATH_MODE,
     PLANE,
@@ -129,7 +129,7 @@ class _State:
     def place(self, start: Sequence[float]) -> None:
         """Set the first position."""
         point = numbers(np.asarray(start), "start", InputError)
-        if point.shape != (3,) or not (np.abs(point) <= MAX_NUMBER).all():
+        if point.shape != (3,) or not (np.abs(point) <= MAX_COORDINATE).all():
             raise InputError(f"start = {start!r} must be three coordinates in mm, of at most 1e9")
         self.programmed, self.position, self.first = point.copy(), point.copy(), point.copy()
         self.known = [True] * 3
@@ -362,7 +362,7 @@ def _positions(
         since = np.where(last >= 0, steps - steps[last], steps)
         out[1:, axis] = np.where(last >= 0, target[last], state.programmed[axis]) + since
         out[0, axis] = state.programmed[axis]
-    far = np.flatnonzero((np.abs(out[1:]) > MAX_NUMBER * _INCH).any(axis=1))
+    far = np.flatnonzero((np.abs(out[1:]) > MAX_COORDINATE * _INCH).any(axis=1))
     blocks.faults.add(blocks.first[far], "leads farther than 2.5e10 mm from 0")
     state.programmed = out[-1].copy()
     return out
