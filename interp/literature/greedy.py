@@ -37,6 +37,7 @@ from numpy.typing import NDArray
 
 from planner.errors import InputError, StalledError
 from planner.geometry.catalog import read_curve
+from planner.geometry.chord import half_chord
 from planner.geometry.curve import Curve
 from planner.inputs import positive_number
 from planner.machine.limits import FeedrateLimits, Limits, require_limits
@@ -581,11 +582,8 @@ def _four_limits(job: _Job, table: FloatArray, seen: FloatArray) -> FeedrateLimi
         error = np.append(np.inf, seen[:-1])
     else:
         error = np.full(count, job.limits.chord_error if job.algorithm >= 3 else np.inf)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        radius = 1.0 / table[:, k.CURVATURE]
-        e = np.minimum(error, radius)
-        third = 2.0 / job.limits.period * np.sqrt(e * (2.0 * radius - e))
-    third = np.where(np.isfinite(error) & np.isfinite(radius), third, np.inf)
+    third = 2.0 / job.limits.period * half_chord(table[:, k.CURVATURE], error)
+    third = np.where(np.isfinite(error), third, np.inf)
     return FeedrateLimits(
         np.full(count, job.limits.feed), table[:, k.AXIS_LIMIT].copy(), third, table[:, k.NORMAL_LIMIT].copy()
     )

@@ -1,4 +1,4 @@
-"""The formulas of ``differential.py`` at one point, for compiled code, which inlines them."""
+"""The formulas of ``differential.py`` and ``chord.py`` at one point, for compiled code, which inlines them."""
 
 from __future__ import annotations
 
@@ -32,3 +32,10 @@ def rates_of_parameter(speed, slope, bend, v, a, j):
     u1 = v / speed
     u2 = (a - slope * u1 * u1) / speed
     return u1, u2, (j - 3.0 * slope * u1 * u2 - bend * u1 * u1 * u1) / speed
+
+
+@njit(forceinline=True, error_model="numpy")
+def half_chord(radius, error):
+    """Half the length of the chord that leaves a circle by an error, as in ``chord.py``."""
+    sagitta = min(error, radius)
+    return np.sqrt(sagitta * (2.0 * radius - sagitta))

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from planner.errors import InputError
+from planner.geometry.chord import half_chord
 from planner.geometry.curve import ROTARY_AXES, Curve, axis_names
 from planner.geometry.differential import curvature_vector, norm
 from planner.inputs import numbers, positive_number, require_instance
@@ -331,11 +332,7 @@ def chord_feed_limit(curvature: FloatArray, limits: Limits) -> FloatArray:
     """
     if np.isinf(limits.chord_error):
         return np.full(curvature.shape, np.inf)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        radius = 1.0 / curvature
-        error = np.minimum(limits.chord_error, radius)
-        limit = 2.0 / limits.period * np.sqrt(error * (2.0 * radius - error))
-    return np.where(curvature > 0.0, limit, np.inf)
+    return np.asarray(2.0 / limits.period * half_chord(curvature, limits.chord_error))
 
 
 def _positive_row(values: ArrayLike, name: str) -> FloatArray:

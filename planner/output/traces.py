@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.geometry.chord import distance_to_chord
 from planner.geometry.curve import Curve
 from planner.geometry.differential import chain_rule
 from planner.machine.limits import Limits, feedrate_limits, require_limits
@@ -207,14 +208,10 @@ def _longest(profile: FeedrateProfile, edges: FloatArray) -> NDArray[np.int8]:
 def _off_chord(tip: Curve, u: FloatArray) -> FloatArray:
     """Largest distance of the path between neighbours of u (m,) from the chord between them, (m - 1,), mm."""
     ends = tip.derivatives(u, 0)[0]
-    start, chord = ends[:-1, None], np.diff(ends, axis=0)[:, None]
-    square = np.sum(chord**2, axis=-1)
 
     def distance(places: FloatArray) -> FloatArray:
         between = u[:-1, None] + np.diff(u)[:, None] * places
-        off = tip.derivatives(np.clip(between, *tip.domain), 0)[0] - start
-        along = np.divide(np.sum(off * chord, axis=-1), square, out=np.zeros(off.shape[:2]), where=square > 0.0)
-        return np.asarray(np.sqrt(np.sum((off - np.clip(along, 0.0, 1.0)[..., None] * chord) ** 2, axis=-1)))
+        return distance_to_chord(tip.derivatives(np.clip(between, *tip.domain), 0)[0], ends[:-1], ends[1:])
 
     found = distance(_CHORD_PLACES)
     first, middle, last = found.T

@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.geometry.chord import distance_to_chord
 from planner.geometry.curve import Curve
 from planner.law import TimeLaw
 from planner.machine.limits import Limits
@@ -40,17 +41,11 @@ def chord_shares(curve: Curve, limits: Limits, law: TimeLaw) -> tuple[FloatArray
     u = law.at(np.minimum(times, law.t[-1]))[0]
     points = tip.derivatives(np.clip(u, u0, u1), 0)[0]
     windows = np.lib.stride_tricks.sliding_window_view(points, parts + 1, axis=0)  # (m - parts, dim, parts + 1)
-    begin = windows[..., 0]
-    chord = windows[..., -1] - begin
-    square = np.einsum("ij,ij->i", chord, chord)
+    begin, end = windows[..., 0], windows[..., -1]
     height = np.zeros(begin.shape[0])
-    for k in range(1, parts):
-        away = windows[..., k] - begin
-        along = np.einsum("ij,ij->i", away, chord)
-        share = np.clip(np.divide(along, square, out=np.zeros_like(along), where=square > 0.0), 0.0, 1.0)
-        off = away - share[:, None] * chord
-        height = np.maximum(height, np.einsum("ij,ij->i", off, off))
-    shares = np.asarray(np.sqrt(height) / limits.chord_error, dtype=np.float64)
+    for k in range(1, parts):  # one by one, which bounds the memory
+        height = np.maximum(height, distance_to_chord(windows[:, None, :, k], begin, end)[:, 0])
+    shares = height / limits.chord_error
     worst = profile_chord(Motion.of(curve, Quintics.of(law)), limits.period)[0] / limits.chord_error
     shares *= max(1.0, worst / float(shares.max(initial=worst)))
     padded = np.pad(shares, parts, constant_values=0.0)

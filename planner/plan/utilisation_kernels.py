@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit, types
 
 from planner.geometry.curve_kernels import FLAG, FLAGS2, NOTHING, READ1, READ2, READ3, WRITE1, WRITE2, point_on_pieces
-from planner.geometry.differential_kernels import chain_rule, rates_along, speed_derivatives
+from planner.geometry.differential_kernels import chain_rule, half_chord, rates_along, speed_derivatives
 
 _MOST_PARTS = 80  # that an interval is cut into
 _PARABOLA = 0.07  # its error through four points, against their third difference: max |x (x^2 - 1)| / 6
@@ -58,8 +58,7 @@ def _shares_at(q, tip, u1, u2, u3, feed, rows, kinds, chords, rates, out):
             normal += (tip[2, j] - s2 / s1 * tip[1, j]) ** 2
         if normal > 0.0:
             radius = dot11 / np.sqrt(normal)
-            error = min(chord, radius)
-            out[1] = s1 * abs(u1) * period / (2.0 * np.sqrt(error * (2.0 * radius - error)))
+            out[1] = s1 * abs(u1) * period / (2.0 * half_chord(radius, chord))
 
 
 @njit(forceinline=True, error_model="numpy")

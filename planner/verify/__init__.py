@@ -3,12 +3,13 @@
 A plan is believed only after it has been measured here, from the curve and the time law alone: no formula of the
 planner is used, neither its constraints nor its feed limit for the chord.
 
-Two formulas of geometry are shared with the planner, the chain rule from u to an axis and the curvature of a curve
-(``planner.geometry.differential``), as the evaluation of the curve itself is: an error there would pass unseen here, and is
-found by ``tests/geometry/test_differential.py``, which compares with fifty digits and plants an error in every term.  What
-follows from them is derived again, another way where there is one: the rates along the path by projection onto the tangent
-(the planner differentiates |C'|), the chord error as a distance (the planner limits the feed on the osculating circle), a
-step of the acceleration from its two sides (the planner bounds the feed at a jump of the curvature).
+Three formulas of geometry are shared with the planner, as the evaluation of the curve itself is: the chain rule from u to
+an axis, the curvature of a curve (``planner.geometry.differential``), and the distance from a segment (``chord``).  An error
+there would pass unseen here.  It is found by ``tests/geometry/test_differential.py`` and ``test_chord.py``, which compare
+with fifty digits and closed forms, and plant an error in every term.  What follows from them is derived again, another way
+where there is one: the rates along the path by projection onto the tangent (the planner differentiates |C'|), the chord
+error as a distance (the planner limits the feed on the osculating circle), a step of the acceleration from its two sides
+(the planner bounds the feed at a jump of the curvature).
 
 A *profile* is measured between its nodes.  The time law is cut into spans: the intervals of the table, cut again
 wherever u(t) crosses a knot of the curve, so that everything is smooth within a span.

@@ -6,8 +6,9 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from planner.geometry.chord import distance_to_chord
 from planner.geometry.curve import Curve
-from planner.geometry.differential import dot, norm
+from planner.geometry.differential import norm
 from planner.profile import Samples
 from planner.types import FloatArray
 from planner.verify.motion import Motion, Quintics
@@ -20,16 +21,6 @@ CHORD_PARTS = 16
 _CHORD_STRIDE = 4
 _STARTS_PER_INTERVAL = 24
 _WORTH_A_LOOK = 1e-3  # of the chord error allowed
-
-
-def _from_segment(points: FloatArray, a: FloatArray, b: FloatArray) -> FloatArray:
-    """Distance of points (..., k, dim) from the segments a-b (..., dim)."""
-    chord = (b - a)[..., None, :]
-    from_a = points - a[..., None, :]
-    square = dot(chord, chord)
-    along = dot(from_a, chord)
-    share = np.clip(np.divide(along, square, out=np.zeros_like(along), where=square > 0.0), 0.0, 1.0)
-    return norm(from_a - share[..., None] * chord)
 
 
 def profile_chord(motion: Motion, period: float) -> tuple[float, Place]:
@@ -55,7 +46,9 @@ def profile_chord(motion: Motion, period: float) -> tuple[float, Place]:
         highest.offer(height, at, starts)
 
     start, share = _climb_chords(position, highest.x, highest.index / CHORD_PARTS, period, end)
-    heights = _from_segment(position(start + share * period)[:, None], position(start), position(start + period))[:, 0]
+    heights = distance_to_chord(position(start + share * period)[:, None], position(start), position(start + period))[
+        :, 0
+    ]
     best = int(heights.argmax())
     t = min(float(start[best] + share[best] * period), end)
     return float(heights[best]), (t, float(parameter(np.array([t]))[0]))
@@ -104,7 +97,7 @@ def _climb_chords(
         starts = np.clip(start[:, None] + half_start * steps, 0.0, end)
         shares = np.clip(share[:, None] + half_share * steps, 0.0, 1.0)
         points = position(starts[:, :, None] + shares[:, None, :] * period)
-        heights = _from_segment(points, position(starts), position(starts + period))
+        heights = distance_to_chord(points, position(starts), position(starts + period))
         best = heights.reshape(start.size, -1).argmax(axis=1)
         start = starts[np.arange(start.size), best // steps.size]
         share = shares[np.arange(start.size), best % steps.size]
@@ -131,7 +124,7 @@ def sample_chord(
 
     def distance(k: IntArray, x: FloatArray) -> FloatArray:
         ends = tip.derivatives(np.stack([begin[k], end[k]]), 0)[0]
-        return _from_segment(between(k, x), ends[0], ends[1])
+        return distance_to_chord(between(k, x), ends[0], ends[1])
 
     highest = Highest()
     bound = _within(curve, u, rounding)

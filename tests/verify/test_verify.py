@@ -317,7 +317,8 @@ def test_the_check_knows_nothing_of_the_planner():
         "planner.geometry.curve.Curve",
         "planner.geometry.curve.FeedCaps",
         "planner.types.FloatArray",
-        # held by an oracle of their own, tests/geometry/test_differential.py
+        # held by oracles of their own, tests/geometry/test_differential.py and test_chord.py
+        "planner.geometry.chord.distance_to_chord",
         *(f"planner.geometry.differential.{name}" for name in ("chain_rule", "curvature", "dot", "norm")),
         "planner.geometry.differential_kernels.chain_rule",
         *(f"planner.geometry.curve_kernels.{name}" for name in ("FLAG", "I64", "NOTHING", "find_piece")),
