@@ -33,7 +33,7 @@ from planner.plan.dual.method import best_multipliers
 from planner.plan.dual.problem import Pace, best_splines, problem_of
 from planner.plan.dual.terms import Track
 from planner.plan.ends import REST, Feed
-from planner.plan.knots import place_knots, scan, with_blends
+from planner.plan.knots import guess_feed, place_knots, with_blends
 from planner.plan.rows import Constraints, build
 from planner.plan.section import BLEND_LENGTH, Section, cut
 from planner.plan.solvers import interior as optimal
@@ -75,7 +75,7 @@ def case(name: str, intervals: int = INTERVALS, *, width: float = 1.0) -> Case:
 def prepared(name: str, curve: Curve, limits: Limits, intervals: int = INTERVALS, *, width: float = 1.0) -> Case:
     """Prepare a path from rest to rest without stops inside."""
     (section,) = cut(curve, limits, exact_stop=False)
-    guess = scan(section, limits, intervals)
+    guess = guess_feed(section, limits, intervals)
     section = with_blends(section, guess)
     section = replace(section, blend_start=width * section.blend_start, blend_end=width * section.blend_end)
     return Case(name, curve, limits, Task(section, limits, guess, "optimal", False, np.inf, None))
@@ -327,7 +327,7 @@ def iteration_row(name: str) -> IterationRow:
     problem = constraints(of)
     run = trace(problem)
     with patch.object(optimal, "_HOPE", 0.0):
-        without = optimal.solve(problem, optimal.start_from(problem, problem.guess)).iterations
+        without = optimal.solve_interior(problem, optimal.start_from(problem, problem.guess)).iterations
     rounds = tightening_rounds(of)
     return IterationRow(
         name,
@@ -409,7 +409,7 @@ def bound_row(name: str) -> BoundRow:
     of = case(name)
     profile = plan_feedrate(of.curve, of.limits)
     problem = constraints(of)
-    solution = optimal.solve(problem, optimal.start_from(problem, problem.guess))
+    solution = optimal.solve_interior(problem, optimal.start_from(problem, problem.guess))
     assert solution.iterate is not None
     found = relax(of)
     return BoundRow(
@@ -445,7 +445,7 @@ def saving_rows(of: Case, intervals: int = INTERVALS, change: float = 0.01) -> l
         for share in (1.0 - change, 1.0 + change):
             problem, _ = build(of.section, _changed(of.limits, name, share), at.grid, of.task.guess)
             start = optimal.start_from(problem, problem.guess)
-            times.append(optimal.solve(problem, start, tolerance=_FINE_GAP).time * problem.time_unit)
+            times.append(optimal.solve_interior(problem, start, tolerance=_FINE_GAP).time * problem.time_unit)
         rows.append(SavingRow(of.name, name, saved, 0.005 / change * (times[0] - times[1])))
     return rows
 

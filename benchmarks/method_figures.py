@@ -32,7 +32,7 @@ from planner.types import FloatArray
 _WIDTH = 7.1  # inches, as the other figures
 _BLUE, _RED, _GREEN, _PINK, _ORANGE, _SKY = _COLOURS
 _DASHED = (0, (4, 2))
-_LEAST_EXCESS = 1e-7  # drawn; below it a limit is met
+_MIN_EXCESS = 1e-7  # drawn; below it a limit is met
 _AROUND = 9  # intervals between nodes on either side of the worst
 _INSIDE = 1e-6  # of an interval: the jerk may jump at its ends
 
@@ -333,10 +333,10 @@ def between_figure(of: Case, intervals: int = method.INTERVALS) -> Figure:
         for solved, colour, name in ((before, _RED, "first solve"), (after, _BLUE, "tightened")):
             edges, excess = _largest(of, solved, 240)
             whole.stairs(excess, edges, color=colour, fill=True, lw=0.0, label=f"{name}, T = {solved.nodes.t[-1]:.4f} s",
-                         baseline=_LEAST_EXCESS)  # fmt: skip
+                         baseline=_MIN_EXCESS)  # fmt: skip
         whole.set_yscale("log")
         whole.set(xlabel="arc length, mm", ylabel="slowing down\nneeded, - 1", xlim=(0.0, of.curve.length))
-        whole.set_ylim(_LEAST_EXCESS, 2e-2)
+        whole.set_ylim(_MIN_EXCESS, 2e-2)
         whole.legend(loc="upper right", ncols=2)
         figure.draw_without_rendering()
         figure.set_layout_engine("none")
@@ -348,7 +348,7 @@ def _largest(of: Case, solved: method.Round, bins: int) -> tuple[FloatArray, Flo
     s = of.curve.arclength.s(solved.nodes.u)
     edges = np.linspace(0.0, s[-1], bins + 1)
     place = np.clip(np.searchsorted(edges, 0.5 * (s[1:] + s[:-1]), side="right") - 1, 0, bins - 1)
-    largest = np.full(bins, _LEAST_EXCESS)
+    largest = np.full(bins, _MIN_EXCESS)
     np.maximum.at(largest, place, solved.used.slowdown - 1.0)
     return edges, largest
 

@@ -21,7 +21,7 @@ from planner.geometry.nurbs import NurbsCurve
 from planner.output.panels import Line, Panel, plot_panels
 from planner.output.plots import save_plot
 from planner.programs.path.deviation import deviation
-from planner.programs.path.moves import Blocks
+from planner.programs.path.moves import MovingBlocks
 from planner.programs.path.path import ProgramPath, program_path
 from planner.programs.reading.program import Program
 from planner.programs.times import times_at
@@ -129,7 +129,7 @@ def kernel_spline(program: Program, tolerance: float) -> NurbsCurve:
     The spline is the program averaged with a B-spline as weight, so it cuts inside every bend by the curvature times the
     kernel's variance over 2, all of it to one side.
     """
-    blocks = Blocks.of(program, tolerance)
+    blocks = MovingBlocks.of(program, tolerance)
     edges = blocks.programmed.edges
     exact = program_path(stopping(program), None, LIMITS)  # the program itself, over its abscissa
 

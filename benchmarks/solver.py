@@ -38,7 +38,7 @@ from feedplan.job import Job
 from planner import Curve, FeedrateError, Limits, __version__, certify, load_curve
 from planner.files.whole_file import whole_file
 from planner.geometry.nurbs import NurbsCurve
-from planner.plan.knots import place_knots, scan, with_blends
+from planner.plan.knots import guess_feed, place_knots, with_blends
 from planner.plan.rows import build
 from planner.plan.section import cut
 from planner.plan.solvers import interior as optimal
@@ -51,13 +51,13 @@ _COPP_TOLERANCE, _COPP_PASSES = 2e-5, 20
 _SIZES = (20_000, 100_000, 1_000_000)
 _SIZE_BARS = {20_000: 0.3, 100_000: 2.0, 1_000_000: 25.0}  # s of solving
 _WIDTH = 140  # columns, where there is no terminal
-_LARGEST_TOTAL, _LARGEST_MEMORY = 45.0, 2.5  # s, GB
+_MAX_TOTAL, _MAX_MEMORY = 45.0, 2.5  # s, GB
 
 
 def problem_of(curve: Curve, limits: Limits, intervals: int) -> Any:
     """The arrays that a solver sees, on the grid of the given size."""
     (section,) = cut(curve, limits, exact_stop=False)
-    guess = scan(section, limits, intervals)
+    guess = guess_feed(section, limits, intervals)
     section = with_blends(section, guess)
     return build(section, limits, place_knots(section, guess, intervals), guess)[0]
 
@@ -106,7 +106,7 @@ def copp_seconds(curve: Curve, limits: Limits, intervals: int) -> tuple[float, f
 def ipopt_seconds(problem: Any) -> float:
     """CPU time in which CasADi builds and IPOPT solves the same problem."""
     began = process_time()
-    nlp.solve(problem)
+    nlp.solve_nlp(problem)
     return process_time() - began
 
 
@@ -170,11 +170,11 @@ def one_size(kind: str, intervals: int) -> dict[str, Any]:
         problem = problem_of(curve, limits, intervals)
         coarse = problem_of(curve, limits, intervals // 8)
         began = process_time()
-        first = optimal.solve(coarse, optimal.start_from(coarse, coarse.guess), tolerance=1e-2)
+        first = optimal.solve_interior(coarse, optimal.start_from(coarse, coarse.guess), tolerance=1e-2)
         share = [np.concatenate([[0.0], np.cumsum(p.h)]) / p.h.sum() for p in (problem, coarse)]
         ratio = (coarse.length_unit / coarse.time_unit / problem.length_unit * problem.time_unit) ** 2
         guess = np.interp(share[0], share[1], first.x) * ratio
-        solution = optimal.solve(problem, optimal.start_from(problem, guess), centring=0.1)
+        solution = optimal.solve_interior(problem, optimal.start_from(problem, guess), centring=0.1)
         solve_s = process_time() - began
         result = {
             "status": solution.status,
@@ -370,7 +370,7 @@ def main() -> None:
     if options.output is not None:
         packages = {"feedplan": __version__} | {name: version(name) for name in ("numpy", "numba", "toppra", "casadi")}
         hardware = {"platform": platform.platform(), "machine": platform.machine(), "cores": os.cpu_count()}
-        bars = {"size_solve_s": _SIZE_BARS, "size_total_s": _LARGEST_TOTAL, "size_memory_gb": _LARGEST_MEMORY}
+        bars = {"size_solve_s": _SIZE_BARS, "size_total_s": _MAX_TOTAL, "size_memory_gb": _MAX_MEMORY}
         data = {
             "hardware": hardware,
             "packages": packages,

@@ -32,9 +32,9 @@ if TYPE_CHECKING:
 _SUFFIXES = (".html", ".htm")
 # Base64 makes 4 bytes of 3, so the page stays below 8.3 + 0.9 + 4 MB and what the text takes.
 _TRACE_BYTES = 6_200_000
-_MOST_POINTS = 60_000  # of a plan that needs no thinning out; more make a page slow to send, and no clearer
-_MOST_CHORDS = 40_000
-_MOST_LINES = 250_000  # entries of the line at each time
+_MAX_POINTS = 60_000  # of a plan that needs no thinning out; more make a page slow to send, and no clearer
+_MAX_CHORDS = 40_000
+_MAX_LINES = 250_000  # entries of the line at each time
 _TOP_LINES = 1000  # rows of the table of lines
 _DTYPES = {"float64": "<f8", "float32": "<f4", "int32": "<i4", "int8": "|i1"}
 
@@ -74,7 +74,7 @@ def write_report(
         )
     progress("evaluating the plan for the report")
     traces = trace_plan(curve, limits, profile, _most_points(curve.dim, curve.tip.dim))
-    chords = trace_chord_error(curve, verdict.samples, _MOST_CHORDS)
+    chords = trace_chord_error(curve, verdict.samples, _MAX_CHORDS)
     facts = json.loads(to_json(verdict)) | {
         "version": _version(),
         "tip_axes": list(curve.tip.axes),
@@ -112,7 +112,7 @@ def _version() -> str:
 
 def _most_points(dim: int, tip_dim: int) -> int:
     """How many buckets fit: t, u, s, binding and position each, and two values a quantity."""
-    return min(_MOST_POINTS, _TRACE_BYTES // (8 + 8 + 4 + 1 + 4 * tip_dim + 2 * 4 * (5 + 2 * dim)))
+    return min(_MAX_POINTS, _TRACE_BYTES // (8 + 8 + 4 + 1 + 4 * tip_dim + 2 * 4 * (5 + 2 * dim)))
 
 
 # --- numbers --------------------------------------------------------------------------------------------------------
@@ -146,7 +146,7 @@ def _line_facts(lines: LineTimes, profile: FeedrateProfile) -> dict[str, Any]:
     """The line at each time, of very many lines the first and last of each group; and the lines that take longest."""
     from planner.programs.times import KINDS, times_at
 
-    group = max(1, -(-lines.line.size // _MOST_LINES))
+    group = max(1, -(-lines.line.size // _MAX_LINES))
     first = np.arange(0, lines.line.size, group)
     last = np.minimum(first + group, lines.line.size) - 1
     start = times_at(profile, lines.u_start[first])

@@ -7,7 +7,7 @@ import numpy as np
 from planner import load_curve, load_limits
 from planner.geometry.nurbs import NurbsCurve
 from planner.machine.limits import Limits
-from planner.verify.certificate import _Section
+from planner.verify.certificate import _SectionOnCurve
 from planner.verify.certificate.places import Places
 
 L, V, A, J = 100.0, 120.0, 1000.0, 2e4
@@ -15,7 +15,7 @@ INF = [np.inf, np.inf]
 
 
 def section_of(curve, limits, certificate, k):
-    return _Section.of(curve, limits, certificate, k, Places.of(curve))
+    return _SectionOnCurve.of(curve, limits, certificate, k, Places.of(curve))
 
 
 def tangential(velocity=V, acceleration=A, jerk=J):

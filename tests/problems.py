@@ -14,7 +14,7 @@ from planner.geometry.nurbs import NurbsCurve
 from planner.machine.limits import Limits
 from planner.plan import plan_feedrate
 from planner.plan.ends import FREE, end_with
-from planner.plan.knots import Grid, Scan, place_knots, scan, with_blends
+from planner.plan.knots import FeedGuess, Grid, guess_feed, place_knots, with_blends
 from planner.plan.rows import Constraints, build
 from planner.plan.section import Section, cut
 
@@ -24,11 +24,11 @@ NO_SHRINKING = (Phase.explicit, Phase.generate)  # a smaller seed is not a simpl
 
 def laid_out(
     curve: Curve, limits: Limits, intervals: int = 1000, *, start: float = 0.0, end: float = 0.0, periodic: bool = False
-) -> tuple[Section, Scan, Grid]:
+) -> tuple[Section, FeedGuess, Grid]:
     """Section with its blends, guess of the feed and grid of a path without corners, from feed start to feed end."""
     ends = (FREE, FREE) if periodic else (end_with(start), end_with(end))
     (section,) = cut(curve, limits, *ends, exact_stop=False)
-    guess = scan(section, limits, intervals)
+    guess = guess_feed(section, limits, intervals)
     section = with_blends(section, guess)
     return section, guess, place_knots(section, guess, intervals)
 

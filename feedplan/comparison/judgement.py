@@ -8,7 +8,7 @@ from math import nan
 
 import numpy as np
 
-from feedplan.comparison.methods import Motion, planned_motion
+from feedplan.comparison.methods import MethodRun, planned_motion
 from feedplan.job import Job
 from interp.literature.feedshapes import SLOWEST_FEED
 from planner.geometry.curve import Curve
@@ -25,7 +25,7 @@ _STEP = "step on a smooth path"  # of the acceleration: breaks the jerk limit, a
 _SAME_LIMIT = dict.fromkeys(("jerk at a curvature break", "acceleration step", _STEP), JERK.label)
 _ROUNDING = 1e-9
 _DILATIONS = 8
-_MOST_POINTS = 3_000_000  # of a slowed motion whose chords are measured
+_MAX_POINTS = 3_000_000  # of a slowed motion whose chords are measured
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class Judgement:
     dilation: Dilation
 
 
-def judge(curve: Curve, limits: Limits, motion: Motion) -> tuple[tuple[Row, ...], Judgement]:
+def judge(curve: Curve, limits: Limits, motion: MethodRun) -> tuple[tuple[Row, ...], Judgement]:
     """Check the samples of a motion, and the plan behind them if there is one, and slow it until nothing is broken."""
     rows = _rows(Job(curve, limits), motion)
     ratios = worst_ratios(rows)
@@ -96,7 +96,7 @@ def least_dilation(ratios: Mapping[str, float]) -> float:
     return float(max(1.0, *(ratio ** (1.0 / _POWERS[name]) for name, ratio in ratios.items())))
 
 
-def dilation(curve: Curve, limits: Limits, motion: Motion, ratios: Mapping[str, float]) -> Dilation:
+def dilation(curve: Curve, limits: Limits, motion: MethodRun, ratios: Mapping[str, float]) -> Dilation:
     """Slow a motion down until it breaks nothing: by the measured ratios, confirmed by the check (rule 3 above).
 
     Where the check still finds a limit broken (the chord error of long chords does not quite fall with kappa^2), the
@@ -104,7 +104,7 @@ def dilation(curve: Curve, limits: Limits, motion: Motion, ratios: Mapping[str, 
     """
     factor = least_dilation(ratios)
     for _ in range(_DILATIONS):
-        if not factor * motion.duration / limits.period < _MOST_POINTS:
+        if not factor * motion.duration / limits.period < _MAX_POINTS:
             break
         rows = _slowed_rows(curve, limits, motion, factor)
         if all(row.ok for row in rows if row.limit != _STEP):
@@ -116,7 +116,7 @@ def dilation(curve: Curve, limits: Limits, motion: Motion, ratios: Mapping[str, 
     return Dilation(factor, factor * motion.duration, False)
 
 
-def fluctuation(curve: Curve, motion: Motion) -> float:
+def fluctuation(curve: Curve, motion: MethodRun) -> float:
     """Largest |length covered / (commanded feed x period) - 1| of the periods with a command of 1 mm/s at least.
 
     The last period, which the end of the curve cuts short, is left out.  nan where no period is that fast.
@@ -135,19 +135,19 @@ def letters(judgement: Judgement) -> str:
     return known + "?" * bool(names - set(LETTERS)) or "nothing"
 
 
-def _rows(job: Job, motion: Motion) -> tuple[Row, ...]:
+def _rows(job: Job, motion: MethodRun) -> tuple[Row, ...]:
     rows = job.check(motion.samples).rows
     return rows if motion.profile is None else (*rows, *job.check(motion.profile).rows)
 
 
-def _slowed_rows(curve: Curve, limits: Limits, motion: Motion, factor: float) -> tuple[Row, ...]:
+def _slowed_rows(curve: Curve, limits: Limits, motion: MethodRun, factor: float) -> tuple[Row, ...]:
     """Rows of the check of a slowed motion, its chord error with the machine's period where it needs that."""
     period = factor * limits.period
     job = Job(curve, limits.with_period(period))
     if motion.profile is None:
         samples = motion.samples
         t = period * np.arange(samples.t.size, dtype=np.float64)
-        slowed = Motion(replace(samples, period=period, t=t), motion.commanded, factor * motion.duration)
+        slowed = MethodRun(replace(samples, period=period, t=t), motion.commanded, factor * motion.duration)
     else:
         slowed = planned_motion(job, slowed_plan(motion.profile, factor))
     rows = _rows(job, slowed)

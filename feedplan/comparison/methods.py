@@ -34,7 +34,7 @@ _ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class MethodRun:
     """What a method makes of a curve.
 
     Attributes
@@ -58,15 +58,15 @@ class Motion:
     setting: str = ""
 
 
-def _run_greedy(curve: Curve, limits: Limits, *, algorithm: int, braking: Braking = "strict") -> Motion:
+def _run_greedy(curve: Curve, limits: Limits, *, algorithm: int, braking: Braking = "strict") -> MethodRun:
     from interp import greedy
 
     run = greedy(curve, limits, algorithm, mode="physical", variant="root", braking=braking)
     setting = f"mode physical, {braking}, enters and leaves at {run.samples.start_feed:g} mm/s"
-    return Motion(run.samples, run.feed[:-1], run.duration, setting=setting)
+    return MethodRun(run.samples, run.feed[:-1], run.duration, setting=setting)
 
 
-def _run_shape(curve: Curve, limits: Limits, *, kind: ShapeName, order: int, steady: bool = False) -> Motion:
+def _run_shape(curve: Curve, limits: Limits, *, kind: ShapeName, order: int, steady: bool = False) -> MethodRun:
     from interp import FeedShape, interpolate_shape
 
     share = _STEADY_SHARE if steady else 1.0
@@ -96,32 +96,32 @@ def _run_shape(curve: Curve, limits: Limits, *, kind: ShapeName, order: int, ste
     # A first-order step follows the feed at its start, one of second order the mean of the period.
     commanded = run.feed[:-1] if order == 1 else 0.5 * (run.feed[:-1] + run.feed[1:])
     setting = f"feed {feed:.6g} mm/s, ramps of {ramp(feed):.6g} s"
-    return Motion(run.samples, commanded, float(run.samples.t[-1]), setting=setting)
+    return MethodRun(run.samples, commanded, float(run.samples.t[-1]), setting=setting)
 
 
-def _run_adaptive(curve: Curve, limits: Limits, *, rule: Rule, order: int) -> Motion:
+def _run_adaptive(curve: Curve, limits: Limits, *, rule: Rule, order: int) -> MethodRun:
     from interp import AdaptiveLimits, interpolate_adaptive
 
     acceleration = _weakest(curve, limits, ACCELERATION) / np.sqrt(2.0)
     own = AdaptiveLimits(limits.feed, acceleration, acceleration, limits.chord_error, limits.period)
     run = interpolate_adaptive(curve, own, rule=rule, order=order)
     setting = f"rule {rule}, order {order}, {acceleration:.6g} mm/s^2 along and across the path"
-    return Motion(run.samples, run.feed[:-1], run.duration, setting=setting)
+    return MethodRun(run.samples, run.feed[:-1], run.duration, setting=setting)
 
 
-def _run_plan(curve: Curve, limits: Limits, *, method: Method) -> Motion:
+def _run_plan(curve: Curve, limits: Limits, *, method: Method) -> MethodRun:
     job = Job(curve, limits)
     return planned_motion(job, job.plan(method=method))
 
 
-def planned_motion(job: Job, profile: FeedrateProfile) -> Motion:
+def planned_motion(job: Job, profile: FeedrateProfile) -> MethodRun:
     """Sample a plan with the period of the limits."""
     samples = job.replay(profile)
     s = profile.at(np.minimum(samples.t, profile.duration)).s
-    return Motion(samples, np.diff(s) / samples.period, profile.duration, profile)
+    return MethodRun(samples, np.diff(s) / samples.period, profile.duration, profile)
 
 
-METHODS: Mapping[str, Callable[[Curve, Limits], Motion]] = {
+METHODS: Mapping[str, Callable[[Curve, Limits], MethodRun]] = {
     "algorithm-1": partial(_run_greedy, algorithm=1),
     "algorithm-2": partial(_run_greedy, algorithm=2),
     "algorithm-2-soft": partial(_run_greedy, algorithm=2, braking="soft"),

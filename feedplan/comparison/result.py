@@ -8,7 +8,7 @@ from math import isfinite, nan
 from typing import Any
 
 from feedplan.comparison.judgement import Dilation, Judgement
-from feedplan.comparison.methods import OPTIMUM, REFERENCE, Motion
+from feedplan.comparison.methods import OPTIMUM, REFERENCE, MethodRun
 from planner.quantity import QUANTITIES
 
 
@@ -47,7 +47,7 @@ class Result:
     computing_time: float = nan
     judgement: Judgement | None = None
     entered_at_speed: Judgement | None = None
-    motion: Motion | None = None
+    motion: MethodRun | None = None
 
     @property
     def ok(self) -> bool:

@@ -313,7 +313,7 @@ def greedy(
 
 
 @dataclass(frozen=True, eq=False)
-class _Job:
+class _GreedySetup:
     """A run as compiled code wants it."""
 
     curve: Curve
@@ -352,7 +352,7 @@ def _job(
     braking: Braking,
     shape: tuple[float, float, float, float],
     max_steps: int,
-) -> _Job:
+) -> _GreedySetup:
     if algorithm not in (1, 2, 3, 4) or isinstance(algorithm, bool):
         raise InputError(f"algorithm = {algorithm!r} must be 1, 2, 3 or 4")
     _require_choice("mode", mode, ("compat", "physical"))
@@ -380,7 +380,7 @@ def _job(
     settings[k.SOFT], settings[k.SINGULAR_SPEED] = braking == "soft", _SINGULAR * top_speed
     own = _path(curve)
     error = own if chosen["error_curve"] == "own" else _teardrop()
-    return _Job(curve, limits, algorithm, mode, variant, chosen, count, settings, own, error, top_speed)
+    return _GreedySetup(curve, limits, algorithm, mode, variant, chosen, count, settings, own, error, top_speed)
 
 
 def _require_choice(name: str, value: object, allowed: tuple[str, ...]) -> None:
@@ -455,7 +455,7 @@ def _scale_of(curve: Curve, name: str) -> float:
     return scale if same else 0.0
 
 
-def _advance(job: _Job, progress: Progress | None) -> tuple[FloatArray, FloatArray]:
+def _advance(job: _GreedySetup, progress: Progress | None) -> tuple[FloatArray, FloatArray]:
     """Run the loop to the end of the curve: parameters in [0, 1] of all points, and the feed of every step."""
     k = _kernels()
     size = _SLOW_CHUNK if job.variant == "theta" and job.algorithm >= 3 else _CHUNK
@@ -477,7 +477,7 @@ def _advance(job: _Job, progress: Progress | None) -> tuple[FloatArray, FloatArr
     return np.concatenate(parts), np.concatenate(feeds)
 
 
-def _stall(job: _Job, code: int, state: FloatArray, count: int) -> NoReturn:
+def _stall(job: _GreedySetup, code: int, state: FloatArray, count: int) -> NoReturn:
     """Raise StalledError with the place, the cause and a remedy."""
     k = _kernels()
     u0, u1 = job.curve.domain
@@ -514,7 +514,7 @@ def _stall(job: _Job, code: int, state: FloatArray, count: int) -> NoReturn:
     )
 
 
-def _finish(job: _Job, share: FloatArray, driving: FloatArray) -> GreedyRun:
+def _finish(job: _GreedySetup, share: FloatArray, driving: FloatArray) -> GreedyRun:
     """From the parameters in [0, 1] to everything that is reported."""
     k = _kernels()
     share = np.minimum(share, 1.0)
@@ -550,7 +550,7 @@ def _finish(job: _Job, share: FloatArray, driving: FloatArray) -> GreedyRun:
     return replace(run, rows=_rows(job, run))
 
 
-def _samples(job: _Job, share: FloatArray, end_feed: float) -> Samples:
+def _samples(job: _GreedySetup, share: FloatArray, end_feed: float) -> Samples:
     u0, u1 = job.curve.domain
     u = np.clip(u0 + (u1 - u0) * share, u0, u1)
     u[-1] = u1
@@ -559,7 +559,7 @@ def _samples(job: _Job, share: FloatArray, end_feed: float) -> Samples:
 
 
 def _feeds(
-    job: _Job, table: FloatArray, limit: FloatArray, driving: FloatArray
+    job: _GreedySetup, table: FloatArray, limit: FloatArray, driving: FloatArray
 ) -> tuple[FloatArray, FloatArray, float]:
     """Planned feedrate, that which the steps make, and that before the first step."""
     k = _kernels()
@@ -573,7 +573,7 @@ def _feeds(
     return planned, actual, 0.0
 
 
-def _four_limits(job: _Job, table: FloatArray, seen: FloatArray) -> FeedrateLimits:
+def _four_limits(job: _GreedySetup, table: FloatArray, seen: FloatArray) -> FeedrateLimits:
     """The four feedrate limits; limit 3 from the tolerance, or from the error of the step before as published."""
     k = _kernels()
     count = table.shape[0]
@@ -589,13 +589,13 @@ def _four_limits(job: _Job, table: FloatArray, seen: FloatArray) -> FeedrateLimi
     )
 
 
-def _defects(job: _Job) -> tuple[str, ...]:
+def _defects(job: _GreedySetup) -> tuple[str, ...]:
     k = _kernels()
     found = [name for name, (argument, published, _) in DEFECTS.items() if job.repaired[argument] == published]
     return tuple(name for name in found if name != "wrong second derivatives" or job.setting(k.WRONG_BEND) > 0.0)
 
 
-def _published(job: _Job) -> tuple[int | None, str]:
+def _published(job: _GreedySetup) -> tuple[int | None, str]:
     """The printed number of points of this curve under these limits, and what to know about it."""
     given = (job.limits.feed, job.limits.chord_error, job.limits.period)
     if job.physical or given != (PUBLISHED_LIMITS["feed"], PUBLISHED_LIMITS["chord_error"], 1e-3):
@@ -607,7 +607,7 @@ def _published(job: _Job) -> tuple[int | None, str]:
     return None, ""
 
 
-def _rows(job: _Job, run: GreedyRun) -> tuple[Violation, ...]:
+def _rows(job: _GreedySetup, run: GreedyRun) -> tuple[Violation, ...]:
     """Compare every step with the four limits."""
     k = _kernels()
     limits, period = job.limits, job.limits.period

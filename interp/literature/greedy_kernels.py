@@ -70,7 +70,7 @@ COLUMNS = 9
 
 _SUBDIVISIONS = 20  # of a chord: 19 inner points, as published
 _MAX_STEP = 0.1
-_SMALLEST_STEP = 1e-12
+_MIN_STEP = 1e-12
 _SMALL_STEPS = 5
 _MAX_PASSES = 100_000  # 0.999 to this power is 0
 _LOW_THETA = 1e-9  # 0.9, 0.8, ... reaches 0 in the tenth pass but for rounding
@@ -322,7 +322,7 @@ def _stalled(u, du, tiny):
     """Code for a step that leads nowhere, else RUNNING; and the number of tiny steps in a row."""
     if not (du > 0.0 and du < np.inf):
         return NOT_FINITE, tiny
-    tiny = tiny + 1 if du < _SMALLEST_STEP else 0
+    tiny = tiny + 1 if du < _MIN_STEP else 0
     if u + du == u or tiny >= _SMALL_STEPS:
         return NO_ADVANCE, tiny
     return (TOO_LONG if du > _MAX_STEP else RUNNING), tiny

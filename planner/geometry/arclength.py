@@ -24,7 +24,7 @@ _TOLERANCE = 1e-14
 _SERIES_TOLERANCE = 1e-13
 # A tail that two halvings leave as it was is rounding noise of the speed, if it is no larger than this of the mean.
 _STALL = 0.8
-_LARGEST_NOISE = 1e-4
+_MAX_NOISE = 1e-4
 _PANELS_PER_PIECE = 64
 _FEW_PIECES = 4096
 
@@ -63,7 +63,7 @@ class ArcLength:
             total = total or float(np.sum(2.0 * half * series[:, 0]))
             resolved = (tail * half <= _TOLERANCE * total) | (tail <= _SERIES_TOLERANCE * mean)
             resolved |= hi - lo <= 8.0 * np.spacing(np.maximum(np.abs(lo), np.abs(hi)))
-            stalled = (tail > _STALL * before) & (tail <= _LARGEST_NOISE * mean)
+            stalled = (tail > _STALL * before) & (tail <= _MAX_NOISE * mean)
             settled = resolved | (stalled & at_noise)
             done.append((lo[settled], hi[settled], series[settled]))
             rest = ~settled

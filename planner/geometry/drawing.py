@@ -50,7 +50,7 @@ _INSTEAD = {
     "POLYLINE": "convert it to LWPOLYLINE, or save as R2000 or later",
     "ELLIPSE": "convert it to SPLINE",
 }
-_LARGEST_ARC = 0.5 * np.pi  # of one Bezier segment: beyond a half turn there is none, below the speed is more even
+_MAX_ARC = 0.5 * np.pi  # of one Bezier segment: beyond a half turn there is none, below the speed is more even
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,7 +247,7 @@ def _line(start: FloatArray, end: FloatArray, label: str) -> Iterator[_Piece]:
 
 def _arc(centre: FloatArray, radius: float, first: float, sweep: float, label: str) -> _Piece:
     """A circular arc: equal rational quadratics, with the middle weight cos of half their angle."""
-    count = max(1, int(np.ceil(abs(sweep) / _LARGEST_ARC - 1e-9)))
+    count = max(1, int(np.ceil(abs(sweep) / _MAX_ARC - 1e-9)))
     angles = first + sweep * np.arange(2 * count + 1) / (2 * count)
     weight = np.tile([1.0, np.cos(0.5 * sweep / count)], count + 1)[: angles.size]
     # The middle point lies at radius / weight: times its weight it is at the radius, as the ends are.
@@ -274,7 +274,7 @@ def _bulged(start: FloatArray, end: FloatArray, bulge: float, label: str) -> Ite
         raise CurveError(
             f"{label}: bulge = {bulge:.6g} makes an arc of {abs(length):.3g} mm; at most {MAX_COORDINATE:g} mm"
         )
-    count = max(1, int(np.ceil(abs(sweep) / _LARGEST_ARC - 1e-9)))
+    count = max(1, int(np.ceil(abs(sweep) / _MAX_ARC - 1e-9)))
     half = 0.5 * sweep / count  # of a segment
     angle = half * np.arange(2 * count + 1)
     weight = np.tile([1.0, np.cos(half)], count + 1)[: angle.size]

@@ -21,12 +21,12 @@ _DEGREE = 9  # balances the number of pieces against the cost of a step
 _TOLERANCE = 1e-13  # of the extent: 1e-11 mm on 100 mm
 _ANGLE = 1.0  # rad; extents of the rotary axes count as this at least
 _SCAN_POINTS = 400
-_LARGEST_BLUR = 1e-9  # of the extent
+_MAX_BLUR = 1e-9  # of the extent
 # A corner hidden in a formula leaves an error of about a twentieth of the piece, which is seen at this depth.
 _MAX_HALVINGS = 34
 # An error that shrinks less than this on halving, and is no larger than this many tolerances, may be rounding.
 _STALL = 0.3
-_LARGEST_NOISE = 1e5
+_MAX_NOISE = 1e5
 _SLOPE_TOLERANCE = 1e-4
 _MAX_PIECES = 50_000
 
@@ -60,7 +60,7 @@ def fit_pieces(curve: Curve) -> Pieces:
         excess = np.nan_to_num(error / np.maximum(tolerance, np.finfo(float).tiny), nan=np.inf)
         largest = excess.max(axis=1)
         good = largest <= 1.0
-        stalled = np.flatnonzero(~good & (largest > _STALL * before) & (largest <= _LARGEST_NOISE))
+        stalled = np.flatnonzero(~good & (largest > _STALL * before) & (largest <= _MAX_NOISE))
         good[stalled] = _derivatives_agree(curve, lo[stalled], hi[stalled], power[stalled], excess[stalled] > 1.0)
         done.append((lo[good], power[good]))
         settled += int(np.count_nonzero(good))
@@ -105,7 +105,7 @@ def _tolerances(curve: Curve) -> FloatArray:
     eps = np.finfo(np.float64).eps
     extent = np.ptp(scan[0], axis=0)
     blur = 2.0 * np.spacing(np.abs(u).max()) * np.abs(scan[1]).max(axis=0)
-    if (blur > _LARGEST_BLUR * extent.max()).any():
+    if (blur > _MAX_BLUR * extent.max()).any():
         raise CurveError(
             f"{curve.name}: the digits of u do not suffice: near |u| = {np.abs(u).max():.3g} its rounding moves the "
             f"point by {blur.max():.3g}; shift the parameter towards 0, or let the curve change more slowly with it"

@@ -21,7 +21,7 @@ from planner.types import FloatArray, Side
 
 MAX_DEGREE = 100  # a bound on the work; the digits would last longer
 # Sum of a denominator's coefficients against its value: loses one of 16 digits.
-_LARGEST_CANCELLATION = 8.0
+_MAX_CANCELLATION = 8.0
 _DIGITS_OF_A_PART = 2.0**20
 
 
@@ -124,7 +124,7 @@ class NurbsCurve(Curve):
             while rational:
                 denominator = self._taylor(self._acting(self.weights[:, None], breaks), breaks)[:, 0]
                 least = np.minimum(denominator[:, 0], denominator.sum(axis=1))
-                cancels = np.abs(denominator).sum(axis=1) > _LARGEST_CANCELLATION * least
+                cancels = np.abs(denominator).sum(axis=1) > _MAX_CANCELLATION * least
                 cancels &= np.diff(breaks) > 64.0 * np.spacing(np.abs(breaks).max())
                 if not cancels.any():
                     break

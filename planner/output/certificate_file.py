@@ -25,7 +25,7 @@ from planner.files.whole_file import whole_file
 FORMAT = "feedplan-certificate 1"
 _MEMBERS = ("header", "knots", "ends", "sigma", "u", "jerk", "acceleration")
 _TYPES = {"header": "u1", "knots": "i8"}
-_LARGEST_HEADER = 10_000  # bytes; names of limits and a hash
+_MAX_HEADER = 10_000  # bytes; names of limits and a hash
 
 
 def write_certificate(path: str | Path, certificate: Certificate) -> None:
@@ -124,8 +124,8 @@ def _certificate(archive: zipfile.ZipFile, path: str | Path, size: int) -> Certi
 
 def _header(raw: NDArray[Any], path: str | Path) -> dict[str, Any]:
     """Parse and check the header."""
-    if raw.ndim != 1 or raw.size > _LARGEST_HEADER:
-        raise InputError(f"{path}: the header has the shape {raw.shape}; it must be (n,) with n <= {_LARGEST_HEADER}")
+    if raw.ndim != 1 or raw.size > _MAX_HEADER:
+        raise InputError(f"{path}: the header has the shape {raw.shape}; it must be (n,) with n <= {_MAX_HEADER}")
     try:
         header = json.loads(raw.tobytes().decode())
     except (ValueError, RecursionError):

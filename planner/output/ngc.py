@@ -33,7 +33,7 @@ Mode = Literal["feed", "inverse_time"]
 _LEVER_MM = 100.0  # an angle counts as the way of a point at this distance from its axis
 _PROBES = 16  # inside a block, at Chebyshev points: they miss the peak of a parabola by at most 1 %
 _PROBE_SHARE = 0.98
-_LEAST_TOLERANCE_MM = 1e-6  # coordinates are written with up to 9 decimals
+_MIN_TOLERANCE_MM = 1e-6  # coordinates are written with up to 9 decimals
 _MAX_HALVINGS = 30
 _MAX_BLOCKS = 5_000_000
 _DEGREES = 180.0 / np.pi
@@ -50,7 +50,7 @@ class WrittenProgram:
 
 
 @dataclass(frozen=True, eq=False)
-class _Blocks:
+class _WrittenLines:
     """Points (n, dim) in mm and degrees as written, times and parameters (n,) and whether the block before each stops."""
 
     points: FloatArray
@@ -113,8 +113,8 @@ def write_ngc(
     if mode not in ("feed", "inverse_time"):
         raise InputError(f'mode = {mode!r} must be "feed" or "inverse_time"')
     tolerance = positive_number(tolerance, "tolerance")
-    if not _LEAST_TOLERANCE_MM <= tolerance < np.inf:
-        raise InputError(f"tolerance = {tolerance!r} mm must be finite and at least {_LEAST_TOLERANCE_MM} mm")
+    if not _MIN_TOLERANCE_MM <= tolerance < np.inf:
+        raise InputError(f"tolerance = {tolerance!r} mm must be finite and at least {_MIN_TOLERANCE_MM} mm")
     _require_sound(path, curve, plan, report)
     decimals = int(np.clip(np.ceil(-np.log10(tolerance)) + 2.0, 4.0, 9.0))
     if isinstance(plan, Samples):
@@ -150,7 +150,7 @@ def _require_sound(path: str | Path, curve: Curve, plan: FeedrateProfile | Sampl
 
 def _blocks_of_profile(
     curve: Curve, profile: FeedrateProfile, tolerance: float, block_time: float, decimals: int, places: FloatArray
-) -> _Blocks:
+) -> _WrittenLines:
     """Cut a profile at equal times, at corners, stops and places, and in halves until every line is within tolerance."""
     law = profile.law
     corners = np.union1d([b.u for b in curve.breaks if b.is_corner], places)
@@ -184,13 +184,13 @@ def _blocks_of_profile(
     return _rounded(curve, u, t, _positions(curve, u), np.isin(t, _stops(profile)[1:-1]), decimals)
 
 
-def _blocks_of_samples(curve: Curve, samples: Samples, decimals: int) -> _Blocks:
+def _blocks_of_samples(curve: Curve, samples: Samples, decimals: int) -> _WrittenLines:
     return _rounded(curve, samples.u, samples.t, samples.position, np.zeros(samples.t.size, dtype=bool), decimals)
 
 
 def _rounded(
     curve: Curve, u: FloatArray, t: FloatArray, position: FloatArray, stops: NDArray[np.bool_], decimals: int
-) -> _Blocks:
+) -> _WrittenLines:
     """Points as they are written; those that rounding makes equal become one, and the time stays with the next."""
     scale = np.array([1.0 if unit == "mm" else _DEGREES for unit in curve.axis_units])
     points = np.round(position * scale, decimals)
@@ -203,7 +203,7 @@ def _rounded(
     # Which points are dropped before a kept one does not matter: they are that one, or the one before it.
     deviation = float(_deviations(curve, u[keep], points[keep] / scale).max())
     stopped = np.maximum.reduceat(stops, np.flatnonzero(keep))
-    return _Blocks(points[keep], t[keep], u[keep], stopped, deviation)
+    return _WrittenLines(points[keep], t[keep], u[keep], stopped, deviation)
 
 
 def _positions(curve: Curve, u: FloatArray) -> FloatArray:
@@ -264,7 +264,7 @@ def _lengths(curve: Curve, points: FloatArray) -> FloatArray:
 
 def _lines(
     curve: Curve,
-    blocks: _Blocks,
+    blocks: _WrittenLines,
     feeds: list[str],
     mode: Mode,
     blend: float,

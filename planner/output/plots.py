@@ -79,11 +79,11 @@ _CHORDS = 200_000
 _CHORD_PLACES = np.array([0.25, 0.5, 0.75])  # of a period; the chord is farthest from the path near its middle
 _LANES = 8
 _LANE_SHARE = 0.005
-_LEAST_WORTH = 1e-4  # of the duration
+_MIN_WORTH = 1e-4  # of the duration
 
 
 @dataclass(frozen=True, eq=False)
-class _Motion:
+class _AxisMotion:
     """The plan at many times, with the axes' motion: (n, dim) each."""
 
     states: ProfileStates
@@ -185,7 +185,7 @@ def _title(profile: FeedrateProfile) -> str:
     return text + (f" (lower bound {profile.lower_bound:.5g} s)" if np.isfinite(profile.lower_bound) else "")
 
 
-def _scan(curve: Curve, profile: FeedrateProfile) -> _Motion:
+def _scan(curve: Curve, profile: FeedrateProfile) -> _AxisMotion:
     """Evaluate the plan inside its intervals, near both ends of each, since the jerk may jump at a node."""
     start = profile.t[:-1][np.diff(profile.t) > 0.0]
     width = np.diff(profile.t)[np.diff(profile.t) > 0.0]
@@ -199,7 +199,7 @@ def _scan(curve: Curve, profile: FeedrateProfile) -> _Motion:
     u1, u2, u3 = (values[:, None] for values in (states.u_rate, states.u_acceleration, states.u_jerk))
     q = curve.derivatives(states.u, 3)
     _, acceleration, jerk = chain_rule(q[1], q[2], q[3], u1, u2, u3)
-    return _Motion(states, acceleration, jerk)
+    return _AxisMotion(states, acceleration, jerk)
 
 
 def _envelope(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -218,7 +218,7 @@ def _envelope(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
 # --- panels ---------------------------------------------------------------------------------------------------------
 
 
-def _draw_path(parent: SubFigure, curve: Curve, motion: _Motion) -> None:
+def _draw_path(parent: SubFigure, curve: Curve, motion: _AxisMotion) -> None:
     s, feed = motion.states.s, motion.states.feed
     at = np.unique(np.searchsorted(s, np.linspace(0.0, s[-1], _PATH_POINTS)).clip(0, s.size - 1))
     tip = curve.tip
@@ -263,7 +263,7 @@ def _dress_box(axes: Any, points: FloatArray, names: Sequence[str]) -> None:
         axis.set_label_text(name)
 
 
-def _draw_feed(axes: Axes, curve: Curve, limits: Limits, motion: _Motion) -> None:
+def _draw_feed(axes: Axes, curve: Curve, limits: Limits, motion: _AxisMotion) -> None:
     s, feed = motion.states.s, motion.states.feed
     found = feedrate_limits(curve, limits, motion.states.u)
     parts = {
@@ -289,7 +289,7 @@ def _draw_feed(axes: Axes, curve: Curve, limits: Limits, motion: _Motion) -> Non
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, borderaxespad=0.2)
 
 
-def _draw_shares(axes: Axes, what: str, curve: Curve, limits: Limits, motion: _Motion) -> None:
+def _draw_shares(axes: Axes, what: str, curve: Curve, limits: Limits, motion: _AxisMotion) -> None:
     """Draw what each axis uses of its limit; an axis without a limit is left out."""
     values, allowed = getattr(motion, what), getattr(limits, what)
     shown = [
@@ -384,4 +384,4 @@ def _draw_binding(axes: Axes, curve: Curve, profile: FeedrateProfile) -> None:
 
 
 def _is_worth(saved: Mapping[str, float], limit: str, duration: float) -> bool:
-    return 10.0 * saved.get(limit, 0.0) >= _LEAST_WORTH * duration
+    return 10.0 * saved.get(limit, 0.0) >= _MIN_WORTH * duration

@@ -21,8 +21,8 @@ from planner.profile import FeedrateProfile, Samples
 from planner.types import FloatArray
 
 _CHUNK = 100_000  # points evaluated at once; bounds the memory, changes no result
-_POINTS_INSIDE, _FEWEST_POINTS = 4, 2500
-_FEWEST_INSIDE = 3  # of an interval: both ends and the middle
+_POINTS_INSIDE, _MIN_POINTS = 4, 2500
+_MIN_INSIDE = 3  # of an interval: both ends and the middle
 _END = 1e-6  # of an interval: so near its ends the jerk is its own
 _PLACES_APART = 0.25
 _CHORD_PLACES = 0.5 + _PLACES_APART * np.array([-1.0, 0.0, 1.0])  # of a period: the path is farthest near its middle
@@ -81,15 +81,15 @@ def trace_plan(curve: Curve, limits: Limits, profile: FeedrateProfile, most: int
     """
     limits = require_limits(curve, limits)
     intervals = int(np.count_nonzero(np.diff(profile.t) > 0.0))
-    inside = min(max(_POINTS_INSIDE, _FEWEST_POINTS // intervals), most // intervals)
-    if inside >= _FEWEST_INSIDE:
+    inside = min(max(_POINTS_INSIDE, _MIN_POINTS // intervals), most // intervals)
+    if inside >= _MIN_INSIDE:
         t = np.concatenate(list(_times(profile.t, inside, np.empty(0))))
         parts = [_quantities(curve, limits, profile, t[k : k + _CHUNK]) for k in range(0, t.size, _CHUNK)]
         low = {name: np.concatenate([part[name] for part in parts]).astype(np.float32) for name in parts[0]}
         return _with_place(curve, profile, t, low, low, _nearest(profile, t))
     edges = np.linspace(0.0, profile.duration, most)
     envelope = _Envelope(edges, list(_quantities(curve, limits, profile, edges[:1])))
-    for t in _times(profile.t, _FEWEST_INSIDE, edges):
+    for t in _times(profile.t, _MIN_INSIDE, edges):
         envelope.add(t, _quantities(curve, limits, profile, t))
     return _with_place(curve, profile, edges, *envelope.result(), _longest(profile, edges))
 

@@ -44,7 +44,7 @@ from planner.types import FloatArray, Progress
 
 Method = Literal["optimal", "nlp", "toppra", "scurve"]
 
-_LARGEST_SHARE = 1.0 - 1e-6  # of an acceleration at the start: the solver begins inside its limits
+_MAX_SHARE = 1.0 - 1e-6  # of an acceleration at the start: the solver begins inside its limits
 _HARDLY_A_PLAN = 10.0  # of slowing down as a whole
 
 
@@ -202,7 +202,7 @@ def _require_continued(curve: Curve, limits: Limits, start_feed: float, start_ac
         raise InputError("start_acceleration needs a start_feed > 0; a path begins at rest without acceleration")
     if method not in {"optimal", "nlp"}:
         raise InputError(f"start_acceleration is kept by the methods optimal and nlp, not by {method!r}")
-    if abs(start_acceleration) >= limits.tangential_acceleration * _LARGEST_SHARE:
+    if abs(start_acceleration) >= limits.tangential_acceleration * _MAX_SHARE:
         raise InfeasibleError(
             f"start_acceleration = {start_acceleration:g} mm/s^2 must stay below the {TANGENTIAL_ACCELERATION.label}, "
             f"{limits.tangential_acceleration:g} mm/s^2"
@@ -213,7 +213,7 @@ def _require_continued(curve: Curve, limits: Limits, start_feed: float, start_ac
     bend = (q[2] - slope * (tip[1] @ tip[2] / speed)) / speed**2
     of_axes = np.abs(slope * start_acceleration + bend * start_feed**2)
     for axis, size, most in zip(curve.axes, of_axes, limits.acceleration, strict=True):
-        if size >= most * _LARGEST_SHARE:
+        if size >= most * _MAX_SHARE:
             raise InfeasibleError(
                 f"start_acceleration = {start_acceleration:g} mm/s^2 at {start_feed:g} mm/s takes {size:.9g} of "
                 f"{ACCELERATION.of(axis)}, which must stay below {most:g}; lower it, or the feed"
@@ -259,17 +259,17 @@ def _plan_section(
     progress: Progress | None,
 ) -> SectionPlan:
     if method == "scurve":
-        from planner.plan.solvers.scurve import plan_section
+        from planner.plan.solvers.scurve import plan_scurve
 
         feeds = (feed_at(section.start), feed_at(section.end))
-        law = TimeLaw(*plan_section(section.curve, limits, section.u_start, section.u_end, *feeds))
+        law = TimeLaw(*plan_scurve(section.curve, limits, section.u_start, section.u_end, *feeds))
         return SectionPlan(law, np.nan, Status.FEASIBLE, Work(intervals=law.t.size - 1))
     if method != "toppra" and not limits.has_jerk:
         return _plan_without_jerk(section, limits, effort, periodic)
     if method == "toppra":
-        from planner.plan.solvers.toppra import plan_section as plan_by_toppra
+        from planner.plan.solvers.toppra import plan_toppra
 
-        law = plan_by_toppra(section, limits, effort.intervals)
+        law = plan_toppra(section, limits, effort.intervals)
         work = Work(intervals=int(np.count_nonzero(np.diff(law.t))), iterations=1)
         notes: tuple[str, ...] = ()
         if not section.has_prescribed_feed:
@@ -295,9 +295,9 @@ def _plan_section(
 
 def _plan_without_jerk(section: Section, limits: Limits, effort: Effort, periodic: bool) -> SectionPlan:
     """Plan one section without any jerk limit; what its law still exceeds of the others slows it down."""
-    from planner.plan.solvers.accelerations import plan_section
+    from planner.plan.solvers.accelerations import plan_without_jerk
 
-    found = plan_section(section, limits, effort.intervals)
+    found = plan_without_jerk(section, limits, effort.intervals)
     law, unmet = found.law, found.unmet
     if not section.has_prescribed_feed:
         law = law.dilated(unmet * (1.0 + PEAK_MARGIN) if unmet > 1.0 else 1.0)

@@ -21,7 +21,7 @@ from planner.plan.dual.terms import Multiplied, Track
 from planner.plan.dual.value import Splines
 from planner.plan.ends import FREE, Feed, end_with, feed_at
 from planner.plan.jumps import STEP_SEEN
-from planner.plan.knots import place_knots, scan, with_blends
+from planner.plan.knots import guess_feed, place_knots, with_blends
 from planner.plan.section import Section, sections_between
 from planner.profile import BOUND_TOLERANCE, FeedrateProfile
 from planner.verify import check
@@ -150,7 +150,7 @@ def _certified(
 ) -> tuple[float, Splines]:
     """Bound of a section, and the multipliers that prove it."""
     # Knots that follow |C'|: within a cell it must not change so much that the sums over the cell do not see it.
-    guess = scan(section, limits, intervals, follow=True)
+    guess = guess_feed(section, limits, intervals, follow=True)
     section = with_blends(section, guess) if limits.has_jerk else replace(section, blend_start=0.0, blend_end=0.0)
     track = Track.on(section, limits, place_knots(section, guess, intervals, follow=True))
     falling = track.falling

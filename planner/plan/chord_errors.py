@@ -21,10 +21,10 @@ from planner.verify.chords import CHORD_PARTS, profile_chord
 from planner.verify.motion import Motion, Quintics
 
 MET_CHORD = 1.0 + 2e-7
-_MOST_PASSES = 24  # of one section
-_LARGEST_STEP = 3.0  # of the slowing down in one pass
+_MAX_PASSES = 24  # of one section
+_MAX_STEP = 3.0  # of the slowing down in one pass
 _BEYOND = 1e-6
-_MOST_POINTS = 1_000_000
+_MAX_POINTS = 1_000_000
 
 
 def chord_shares(curve: Curve, limits: Limits, law: TimeLaw) -> tuple[FloatArray, FloatArray]:
@@ -35,7 +35,7 @@ def chord_shares(curve: Curve, limits: Limits, law: TimeLaw) -> tuple[FloatArray
     """
     tip, (u0, u1) = curve.tip, curve.domain
     period = min(limits.period, float(law.t[-1]))
-    part = max(period / CHORD_PARTS, float(law.t[-1]) / _MOST_POINTS)
+    part = max(period / CHORD_PARTS, float(law.t[-1]) / _MAX_POINTS)
     parts = max(1, round(period / part))
     times = part * np.arange(int(np.ceil(law.t[-1] / part)) + 1)
     u = law.at(np.minimum(times, law.t[-1]))[0]
@@ -69,7 +69,7 @@ def slowed_for_chords(curve: Curve, limits: Limits, parts: list[TimeLaw], may_sl
     if np.isinf(limits.chord_error):
         return factors
     passes = np.zeros(len(parts), dtype=np.intp)
-    while passes.max() < _MOST_PASSES:
+    while passes.max() < _MAX_PASSES:
         law = TimeLaw.joined([part.dilated(factor) for part, factor in zip(parts, factors, strict=True)])
         worst, (t, _) = profile_chord(Motion.of(curve, Quintics.of(law)), limits.period)
         share = worst / limits.chord_error
@@ -80,5 +80,5 @@ def slowed_for_chords(curve: Curve, limits: Limits, parts: list[TimeLaw], may_sl
         if share <= MET_CHORD or not may_slow[at].all():
             break
         passes[at] += 1
-        factors[at] *= min(np.sqrt(share), _LARGEST_STEP) * (1.0 + _BEYOND)
+        factors[at] *= min(np.sqrt(share), _MAX_STEP) * (1.0 + _BEYOND)
     return factors

@@ -31,7 +31,7 @@ def require_law(curve: Curve, law: TimeLaw) -> None:
     SolverError
         If a number is not finite, or t or u falls back from node to node or between two.
     """
-    require_finite(curve, law)
+    require_finite_law(curve, law)
     behind = (np.diff(law.t) < 0.0) | (np.diff(law.u) < 0.0)
     if behind.any():
         raise _no_law(curve, law, int(np.argmax(behind)), "falls back from one node to the next")
@@ -40,7 +40,7 @@ def require_law(curve: Curve, law: TimeLaw) -> None:
         raise _no_law(curve, law, int(np.argmax(back)), "falls back between two nodes")
 
 
-def require_finite(curve: Curve, law: TimeLaw) -> None:
+def require_finite_law(curve: Curve, law: TimeLaw) -> None:
     """Refuse a law with a number that is not finite."""
     unknown = ~np.isfinite([law.t, law.u, law.u_rate, law.u_acceleration]).all(axis=0)
     if unknown.any():

@@ -52,13 +52,13 @@ _NARROWEST_DIP = 1e-9  # of the section
 _ROUNDING_SHARE = 1e-3
 # The same where only nodes as close as that follow the path, with room for the rest of the jerk.
 SHORTEST_SHARE = 10.0
-_LEAST_RESOLVABLE = 200
+_MIN_RESOLVABLE = 200
 # Of the length of a section that a digit of u may be worth, and the fewest intervals that it must resolve.
-_LARGEST_DIGIT, _FEWEST_RESOLVED = 1e-5, 24
+_MAX_DIGIT, _MIN_RESOLVED = 1e-5, 24
 
 
 @dataclass(frozen=True, eq=False)
-class Scan:
+class FeedGuess:
     """A guess of the plan on a sample of a section.
 
     ``y`` and ``length`` (weighted arc length) at the samples; ``feed`` the guess and ``ceiling`` the pointwise bound in
@@ -131,7 +131,7 @@ class Grid:
         return int(np.count_nonzero(np.diff(self.sigma) > 0.0))
 
 
-def scan(section: Section, limits: Limits, intervals: int, *, follow: bool = False) -> Scan:
+def guess_feed(section: Section, limits: Limits, intervals: int, *, follow: bool = False) -> FeedGuess:
     """Sample a section and guess its feed; ``follow``: with samples that crowd where |C'| changes fast."""
     curve = section.curve
     weights = axis_weights(limits)
@@ -180,7 +180,7 @@ def scan(section: Section, limits: Limits, intervals: int, *, follow: bool = Fal
     per_tip_feed = np.divide(1.0, ratio, out=np.full_like(ratio, np.inf), where=ratio > 0.0)
     feed = _reachable(section, ceiling, way, acceleration, jerk, per_tip_feed)
     _require_feed(section, u, feed, speed)
-    found = Scan(y, length, feed, ceiling, _accumulate(kappa, length), acceleration, jerk, speed, u, dips)
+    found = FeedGuess(y, length, feed, ceiling, _accumulate(kappa, length), acceleration, jerk, speed, u, dips)
     _require_digits(section, found)
     return found
 
@@ -195,12 +195,12 @@ def _require_feed(section: Section, u: FloatArray, feed: FloatArray, speed: Floa
         )
 
 
-def _require_digits(section: Section, guess: Scan) -> None:
+def _require_digits(section: Section, guess: FeedGuess) -> None:
     """Refuse a path of which u, in double precision, does not tell the points, or not the jerk between a few."""
     digit = np.spacing(np.abs(guess.u)) * guess.speed
     at = int(digit.argmax())
     share = digit[at] / guess.length[-1]
-    if share > _LARGEST_DIGIT or _resolved(guess) < _FEWEST_RESOLVED:
+    if share > _MAX_DIGIT or _resolved(guess) < _MIN_RESOLVED:
         raise CurveError(
             f"{section.curve.name}: a digit of u is worth {share:.2g} of the path between u = {section.u_start!r} and "
             f"{section.u_end!r}, too much for a plan at these limits; let the parameter begin near 0, or spread it more "
@@ -325,7 +325,7 @@ def _reachable(
     return feed
 
 
-def with_blends(section: Section, guess: Scan) -> Section:
+def with_blends(section: Section, guess: FeedGuess) -> Section:
     """Give a section the widths of its rest map: v (v/A + A/J) / 2 at each stop, shrunk until both fit."""
     widths = []
     for at, end in ((0, section.start), (-1, section.end)):
@@ -355,7 +355,7 @@ def _at_stop(allowed: FloatArray, at: int) -> float:
     return float(min(allowed[at], _UNUSUAL * np.median(usual))) if usual.size else float(allowed[at])
 
 
-def place_knots(section: Section, guess: Scan, intervals: int, *, follow: bool = False) -> Grid:
+def place_knots(section: Section, guess: FeedGuess, intervals: int, *, follow: bool = False) -> Grid:
     """Distribute about ``intervals`` intervals over a section (with blends) by the density above.
 
     ``follow``: more where quintics of u would not follow |C'| otherwise; a bound has none.
@@ -400,7 +400,7 @@ def place_knots(section: Section, guess: Scan, intervals: int, *, follow: bool =
     return _knots(section, sigma, count)
 
 
-def _stretched(guess: Scan, y: FloatArray) -> FloatArray:
+def _stretched(guess: FeedGuess, y: FloatArray) -> FloatArray:
     """Largest spacing of knots, in cells of the ``y (n,)``, at which their quintics follow |C'|, (n - 1,).
 
     With dL the change of log |C'| over the way ds of an interval, and l = ds / dL, a quintic in time is off by about
@@ -428,7 +428,7 @@ def _counted(sigma: FloatArray, step: FloatArray, spacing: FloatArray, mid: Floa
     return np.concatenate([[0.0], np.cumsum(step / spacing)])
 
 
-def least_times(guess: Scan, share: float = SHORTEST_SHARE) -> FloatArray:
+def least_times(guess: FeedGuess, share: float = SHORTEST_SHARE) -> FloatArray:
     """Time that nodes must be apart at each sample, so that rounding makes no more than this share of the jerk limit, s.
 
     A digit e = eps (|u| |dq/du| + v t) in the place of a node and in its time, h between nodes, is 60 e / h^3 of jerk.
@@ -438,7 +438,7 @@ def least_times(guess: Scan, share: float = SHORTEST_SHARE) -> FloatArray:
         return np.asarray(np.cbrt(60.0 * digit / (share * guess.jerk)))
 
 
-def resolvable(guess: Scan) -> int:
+def resolvable(guess: FeedGuess) -> int:
     """Largest number of intervals of which the nodes still tell a jerk: closer ones differ by rounding.
 
     See :func:`least_times`.
@@ -449,10 +449,10 @@ def resolvable(guess: Scan) -> int:
             "the limits leave no feed that can be told from 0 on some of the path; a period, a chord error, a velocity, an "
             "acceleration or a jerk is too small or too large for it by many orders of magnitude"
         )
-    return int(np.clip(count, _LEAST_RESOLVABLE, 1e9))
+    return int(np.clip(count, _MIN_RESOLVABLE, 1e9))
 
 
-def _resolved(guess: Scan) -> float:
+def _resolved(guess: FeedGuess) -> float:
     """Number of intervals that rounding leaves, inf where it has no part, nan where the limits leave no feed."""
     least = least_times(guess, _ROUNDING_SHARE)
     per_node = 0.5 * (least[1:] + least[:-1])

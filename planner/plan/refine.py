@@ -31,8 +31,8 @@ from planner.plan.bounds import section_bound
 from planner.plan.chord_errors import MET_CHORD, chord_shares
 from planner.plan.dual.problem import Pace
 from planner.plan.ends import Rest, feed_at
-from planner.plan.guard import require_finite
-from planner.plan.knots import place_knots, resolvable, scan, with_blends
+from planner.plan.guard import require_finite_law
+from planner.plan.knots import guess_feed, place_knots, resolvable, with_blends
 from planner.plan.rows import Parameter
 from planner.plan.section import Section, axis_weights, weighted_arclength
 from planner.plan.stage import HOPELESS, TIGHTENING_ROUNDS, TOO_COARSE, WORTH_SAYING, Attempt, Stage, Task
@@ -42,7 +42,7 @@ from planner.types import Progress
 
 DEFAULT_INTERVALS = 1000
 MIN_INTERVALS = 24
-_LEAST_INTERVALS = 200  # of one section among several
+_MIN_INTERVALS = 200  # of one section among several
 _COARSER = 8
 _COARSE_GAP = 1e-2
 # A plan that needs more slowing down than this at the end is refined first.
@@ -51,7 +51,7 @@ _ACCEPTED_SLOWDOWN = 1.000002
 _UNBOUND = 0.03
 _MAX_ROUNDS, _CHORD_ROUNDS = 12, 16
 # Intervals times iterations of all rounds, at most: some seconds.
-_MOST_WORK, _WORK_PER_INTERVAL, _USUAL_ITERATIONS = 2_000_000, 1200, 60
+_MAX_WORK, _WORK_PER_INTERVAL, _USUAL_ITERATIONS = 2_000_000, 1200, 60
 _IDLE_ROUNDS = 3
 # Slowing down is measured at points; the peaks between them are higher by less than this.
 PEAK_MARGIN = 5e-7
@@ -101,7 +101,7 @@ class Effort:
     def for_share(cls, intervals: int | None, share: float, section: Section) -> Effort:
         """For a section with this share of the path, given the number of intervals asked for, if any."""
         if intervals is None:
-            least = DEFAULT_INTERVALS if share == 1.0 else _LEAST_INTERVALS
+            least = DEFAULT_INTERVALS if share == 1.0 else _MIN_INTERVALS
             needed = section.curve.intervals_needed(section.u_start, section.u_end)
             return cls(max(least, round(DEFAULT_INTERVALS * share), needed), True)
         return cls(max(MIN_INTERVALS, round(intervals * share)), False)
@@ -127,7 +127,7 @@ def plan_section(
         If no plan was found, or none that keeps the limits with the feeds prescribed.
     """
     wanted = effort.intervals
-    guess = scan(section, limits, wanted)
+    guess = guess_feed(section, limits, wanted)
     most = resolvable(guess)
     notes: tuple[str, ...] = ()
     if wanted > most:
@@ -181,7 +181,7 @@ def _following(task: Task, effort: Effort, by_arc_length: bool) -> Task:
     section = replace(task.section, blend_start=0.0, blend_end=0.0)
     if by_arc_length:
         section = replace(section, arc=weighted_arclength(section.curve, axis_weights(task.limits)))
-    guess = scan(section, task.limits, effort.intervals, follow=True)
+    guess = guess_feed(section, task.limits, effort.intervals, follow=True)
     return replace(task, section=with_blends(section, guess), guess=guess)
 
 
@@ -205,7 +205,7 @@ def _refined(task: Task, effort: Effort, most: int, *, follow: bool) -> Outcome:
     stage = Stage.on(task, place_knots(task.section, task.guess, wanted, follow=follow))
     spent = attempt.work.solve_cpu_s if attempt else 0.0
     first, work, slowdown = 0.0, 0, np.inf
-    most_work = max(_MOST_WORK, _WORK_PER_INTERVAL * wanted)
+    most_work = max(_MAX_WORK, _WORK_PER_INTERVAL * wanted)
     notes: tuple[str, ...] = ()
     found: Outcome | None = None
     for number in range(_MAX_ROUNDS):
@@ -253,7 +253,7 @@ def hold_chords(plan: SectionPlan) -> SectionPlan:
         if shares.max() <= MET_CHORD or time.perf_counter() > task.deadline:
             break
         stage, attempt = stage.slower(task, attempt, best.used, np.interp(stage.grid.u, law.u, law.t), times, shares)
-        if work + _USUAL_ITERATIONS * stage.grid.intervals > _MOST_WORK:
+        if work + _USUAL_ITERATIONS * stage.grid.intervals > _MAX_WORK:
             break
         with suppress(SolverError, InfeasibleError):
             attempt = stage.solve(task, attempt)
@@ -298,7 +298,7 @@ class Round:
     def of(cls, task: Task, number: int, attempt: Attempt, path: Parameter) -> Round:
         """Measure an attempt between its nodes; a SolverError where it is not finite."""
         given = attempt.law.time_law(path)
-        require_finite(task.section.curve, given)
+        require_finite_law(task.section.curve, given)
         kept = _apart_from_stops(task.section, given)
         law = given if kept.size == given.t.size else given.only(kept)
         used = utilisation(task.section.curve, task.limits, law).spread(np.diff(kept))

@@ -30,7 +30,7 @@ from planner.machine.limit_rows import LimitRow, limit_rows
 from planner.machine.limits import Limits, chord_feed_limit, commanded_feed
 from planner.plan.ends import Feed
 from planner.plan.jumps import JERK_COLLOCATED, soften
-from planner.plan.knots import Grid, Scan
+from planner.plan.knots import FeedGuess, Grid
 from planner.plan.section import Section, axis_weights, evaluate
 from planner.quantity import ACCELERATION, CHORD_ERROR, FEED, JERK, VELOCITY
 from planner.types import FloatArray
@@ -174,7 +174,7 @@ def path_at(section: Section, limits: Limits, sigma: FloatArray, u: FloatArray, 
 
 
 def build(
-    section: Section, limits: Limits, grid: Grid, guess: Scan, *, periodic: bool = False
+    section: Section, limits: Limits, grid: Grid, guess: FeedGuess, *, periodic: bool = False
 ) -> tuple[Constraints, Path]:
     """Assemble the constraints of one section on a grid, and the path at its points."""
     n = grid.sigma.size
@@ -292,7 +292,7 @@ def _soften_jumps(section: Section, limits: Limits, grid: Grid, path: Path, cap:
     rows_j.r[:, :, beside] /= JERK_COLLOCATED
 
 
-def _guess(section: Section, grid: Grid, guess: Scan) -> tuple[FloatArray, float]:
+def _guess(section: Section, grid: Grid, guess: FeedGuess) -> tuple[FloatArray, float]:
     """Guess x at the knots by the time between knots, and the duration.
 
     The mean of sigma_dot over an interval is finite at rest, where the ratio of feed and dy/dsigma is 0/0.

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from planner.errors import InfeasibleError, SolverError
 from planner.machine.limits import Limits, command_kind
 from planner.plan.ends import Feed, feed_at
-from planner.plan.knots import Grid, Scan, least_times, split
+from planner.plan.knots import FeedGuess, Grid, least_times, split
 from planner.plan.rows import Constraints, Parameter, build
 from planner.plan.section import Section
 from planner.plan.sensitivity import SpeedBound, saved_by_one_percent
@@ -24,7 +24,7 @@ from planner.profile import BINDING_SHARE
 from planner.status import Status, Work
 from planner.types import FloatArray, Progress
 
-_LEAST_GUESS = 1e-6
+_MIN_GUESS = 1e-6
 # Beyond the first the grid is too coarse somewhere, and is halved wherever it is beyond the last; below, tightening the
 # limits locally is enough.  Where the number of intervals is given, only what is beyond the second is refined.
 TOO_COARSE, HOPELESS, COARSE = 1.0005, 1.05, 1.0001
@@ -39,7 +39,7 @@ _CONTINUED_GAIN = 2.0
 # An interior point needs room above a feed that is prescribed at its limit.
 _PRESCRIBED_ROOM = 1e-9
 # How the speed is held where chords are too far from the path, and the length of intervals there in periods.
-_CHORD_POWER, _LEAST_HOLD, _LARGEST_HOLD, _CHORD_SPACING = 0.6, 1.001, 3.0, 0.25
+_CHORD_POWER, _MIN_HOLD, _MAX_HOLD, _CHORD_SPACING = 0.6, 1.001, 3.0, 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,7 @@ class Task:
 
     section: Section
     limits: Limits
-    guess: Scan
+    guess: FeedGuess
     method: str
     periodic: bool
     deadline: float
@@ -178,7 +178,7 @@ class Stage:
         problem = self.problem
         per_x = (problem.length_unit / problem.time_unit) ** 2
         if before is not None:
-            floor = _LEAST_GUESS * float(before.law.x.min())
+            floor = _MIN_GUESS * float(before.law.x.min())
             problem = replace(problem, guess=np.maximum(before.law.at(self.grid.sigma), floor) / per_x)
         waypoint = before.waypoint if before else None
         try:
@@ -261,7 +261,7 @@ class Stage:
         i = np.clip(np.searchsorted(times, middle), 1, times.size - 1)
         share = np.maximum(shares[i], shares[i - 1])
         over = (share > 1.0) & (np.diff(self.grid.sigma) > 0.0)
-        by = np.clip(share**_CHORD_POWER, _LEAST_HOLD, _LARGEST_HOLD)
+        by = np.clip(share**_CHORD_POWER, _MIN_HOLD, _MAX_HOLD)
         coarse = _by_interval(used.slowdown, self.grid) > TOO_COARSE
         halved = over & (np.diff(knots) > _CHORD_SPACING * task.limits.period) | coarse
         holds = self._held(attempt, by, over)
@@ -288,8 +288,8 @@ def _run(
     if task.method == "nlp":
         from planner.plan.solvers import ipopt as nlp
 
-        return nlp.solve(problem)
-    return optimal.solve(
+        return nlp.solve_nlp(problem)
+    return optimal.solve_interior(
         problem,
         waypoint or optimal.start_from(problem, problem.guess),
         centring=0.1 if has_law else 1.0,

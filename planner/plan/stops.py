@@ -22,7 +22,7 @@ from planner.geometry.differential import curvature, dot
 from planner.machine.limits import Limits
 from planner.types import FloatArray
 
-_SMALLEST_RADIUS = 8e-4  # times A^3 / J^2
+_MIN_RADIUS = 8e-4  # times A^3 / J^2
 _SAMPLES = 16  # a piece
 _BLOCK = 4096  # pieces at a time, which bounds the memory
 _WORTH_REFINING = 0.1  # of the curvature at which a bend is a corner
@@ -52,7 +52,7 @@ def smallest_radius(limits: Limits, weights: FloatArray) -> float:
     if np.isinf(acceleration):
         return 0.0
     within = min(_OF_PERIODS * jerk * limits.period**3, acceleration * limits.period**2)
-    return within if np.isinf(jerk) else max(within, _SMALLEST_RADIUS * acceleration * (acceleration / jerk) ** 2)
+    return within if np.isinf(jerk) else max(within, _MIN_RADIUS * acceleration * (acceleration / jerk) ** 2)
 
 
 def tight_bends(curve: Curve, limits: Limits, weights: FloatArray, *, hidden: bool = True) -> list[Bend]:

@@ -8,7 +8,7 @@ from numba import njit, types
 from planner.geometry.curve_kernels import FLAG, FLAGS2, NOTHING, READ1, READ2, READ3, WRITE1, WRITE2, point_on_pieces
 from planner.geometry.differential_kernels import chain_rule, half_chord, rates_along, speed_derivatives
 
-_MOST_PARTS = 80  # that an interval is cut into
+_MAX_PARTS = 80  # that an interval is cut into
 _PARABOLA = 0.07  # its error through four points, against their third difference: max |x (x^2 - 1)| / 6
 _PRECISE = 3e-7  # as a share of a limit
 KINDS = types.Array(types.int64, 2, "C", readonly=True)
@@ -122,13 +122,13 @@ def shares(axes, tip, cartesian, quintic, spans, rows, kinds, chords, out):
     ``axes``, ``tip``: pieces of the machine axes and of the tool tip, the same ones if ``cartesian``.  On interval i the
     parameter u is ``quintic[:, i]`` (ascending powers of the time since its start); ``spans[:, i]`` are its duration, its
     smallest and largest u, the end of its stretch between breaks, what a digit of the law is worth in u, the feed limit,
-    and into how many equal parts it is cut to be looked at: into twice as many, at most _MOST_PARTS, until the parabolas
+    and into how many equal parts it is cut to be looked at: into twice as many, at most _MAX_PARTS, until the parabolas
     between points tell whether a limit is kept.  ``rows (m, 5)``: weights of velocity, acceleration and jerk in each
     limit row, and its lower and upper bound; ``kinds (m, 2)``: its motion (the axes, last the arc length of
     the tip), and whether it is about speeds (0), accelerations (1) or jerks (2); ``chords``: chord error and period.
     """
     dim, count = axes[1].shape[1] - 1, 2 + rows.shape[0]
-    values, new = np.empty((count, _MOST_PARTS + 1)), np.empty(count)
+    values, new = np.empty((count, _MAX_PARTS + 1)), np.empty(count)
     granted, rates = np.zeros(count), np.empty((dim + 1, 3))
     q = np.empty((4, dim))
     p = q if cartesian else np.empty((4, tip[1].shape[1] - 1))
@@ -174,8 +174,8 @@ def shares(axes, tip, cartesian, quintic, spans, rows, kinds, chords, out):
                 top, unsure = _peak(values[k], points, granted[k])
                 out[kind, i] = max(out[kind, i], top)
                 doubtful = doubtful or unsure
-            doubtful = doubtful and points < _MOST_PARTS
-            points = min(2 * points, _MOST_PARTS)
+            doubtful = doubtful and points < _MAX_PARTS
+            points = min(2 * points, _MAX_PARTS)
 
 
 @njit(NOTHING(WRITE1, READ1), cache=True)

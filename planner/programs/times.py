@@ -31,7 +31,7 @@ _KIND_OF_MOVE = {RAPID: 1, LINE: 2, ARC: 3}
 _FORMAT = "feedplan-lines 1"
 _UNITS = "mm, s; share is the part of the line's time for which the limit beside it holds it back"
 # Newton's steps to a time within an interval; next to a rest, where u goes with the cube of time, each leaves 2/3.
-_MOST_STEPS = 100
+_MAX_STEPS = 100
 _ROUNDING = 4.0 * np.finfo(np.float64).eps
 
 
@@ -234,7 +234,7 @@ def _roots(c: FloatArray, h: FloatArray) -> FloatArray:
     lo, hi = np.zeros(h.size), h.copy()
     w = 0.5 * h
     todo = np.arange(h.size)
-    for _ in range(_MOST_STEPS):
+    for _ in range(_MAX_STEPS):
         x, k = w[todo], c[:, todo]
         value = k[0] + x * (k[1] + x * (k[2] + x * (k[3] + x * (k[4] + x * k[5]))))
         slope = k[1] + x * (2.0 * k[2] + x * (3.0 * k[3] + x * (4.0 * k[4] + x * 5.0 * k[5])))

@@ -34,7 +34,7 @@ _SLACKS = 4.0  # as many times what the rounding of the tabulated numbers can ch
 
 
 @dataclass(frozen=True, eq=False)
-class Column:
+class ImpliedColumn:
     """A column that follows from the time law.
 
     Attributes
@@ -76,7 +76,7 @@ class Nodes:
     @classmethod
     def of(cls, curve: Curve, profile: FeedrateProfile) -> Nodes:
         """Measure the nodes of a plan whose times increase."""
-        from planner.verify.motion_kernels import measure
+        from planner.verify.motion_kernels import measure_points
 
         law = Quintics.of(profile)
         moves = np.diff(profile.t) > 0.0
@@ -89,7 +89,7 @@ class Nodes:
         third = law.rates(interval, left[:, None].astype(np.float64))[2, :, 0]
         rates = np.ascontiguousarray(np.stack([profile.u_rate, profile.u_acceleration, third])[:, :, None])
         values, slack = np.empty((2, len(names(curve.dim)), u.size, 1))
-        measure(d, tip, tip is d, rates, np.ascontiguousarray(law.slack[:, interval].T), values, slack)
+        measure_points(d, tip, tip is d, rates, np.ascontiguousarray(law.slack[:, interval].T), values, slack)
         p1, p2, p3 = (norm(tip[k]) for k in (1, 2, 3))
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             u1, u2, u3 = np.abs(rates[:, :, 0])
@@ -98,16 +98,16 @@ class Nodes:
         values[1:3, p1 == 0.0] = 0.0  # along the path nothing changes where the tip rests in the parameter
         return cls(curve, profile, left, tip, values[:, :, 0], slack[:, :, 0], terms)
 
-    def columns(self) -> Iterator[Column]:
+    def columns(self) -> Iterator[ImpliedColumn]:
         """Arc length, feed, acceleration and jerk along the path."""
         profile, length = self.profile, self.curve.length or 1.0
         place = self.curve.arclength.s(np.clip(profile.u, *self.curve.domain))
-        yield Column("s", profile.s, place, np.full(place.size, _PLACE * length))
+        yield ImpliedColumn("s", profile.s, place, np.full(place.size, _PLACE * length))
         scale = max(float(np.abs(profile.feed).max()), 1e-300)
-        yield Column("feed", profile.feed, self.values[0], np.full(place.size, _FEED * scale))
+        yield ImpliedColumn("feed", profile.feed, self.values[0], np.full(place.size, _FEED * scale))
         for k, name in ((1, "acceleration"), (2, "jerk")):
             granted = _RATE * self.terms[k] + _SLACKS * self.slack[k] + _NO_DIGITS
-            yield Column(name, getattr(profile, name), self.values[k], granted)
+            yield ImpliedColumn(name, getattr(profile, name), self.values[k], granted)
 
     def shares(self, limits: Limits) -> dict[str, tuple[FloatArray, FloatArray]]:
         """How much of each limit is used at the nodes, and what rounding can change in that, by the limit's name.

@@ -173,10 +173,10 @@ class Motion:
 
     def measure(self, span: IntArray, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Signed values and slack of every quantity, (quantities, n, k), on the spans (n,) at x (n, k)."""
-        from planner.verify.motion_kernels import measure
+        from planner.verify.motion_kernels import measure_points
 
         values, slack = np.empty((2, len(names(self.curve.dim)), *x.shape))
-        measure(*self.states(span, x), values, slack)
+        measure_points(*self.states(span, x), values, slack)
         return values, slack
 
     def feed(self, span: IntArray, x: FloatArray) -> FloatArray:

@@ -124,7 +124,7 @@ def _measure_point(d, p, cartesian, at, u1, u2, u3, slack, value, granted):
 
 
 @njit(NOTHING(READ3, READ3, FLAG, READ3, READ2, WRITE3, WRITE3), cache=True)
-def measure(d, p, cartesian, rates, slack, values, granted):
+def measure_points(d, p, cartesian, rates, slack, values, granted):
     """Write all quantities and their slack, ``(quantities, n, k)``, on n spans at k points each.
 
     ``rates (3, n, k)``: time derivatives of u; ``slack (n, 3)``: what rounding can change in them.
@@ -162,8 +162,8 @@ def _highest(heights):
 
 
 @njit(NOTHING(READ3, READ3, FLAG, READ3, READ2, WRITE3, WRITE2, INDEX2, WRITE1, WRITE2), cache=True)
-def scan(d, p, cartesian, rates, slack, ends, height, top, largest, jerk):
-    """Measure spans as ``measure`` does, and keep of each of them and every quantity only the highest.
+def measure_spans(d, p, cartesian, rates, slack, ends, height, top, largest, jerk):
+    """Measure spans as ``measure_points`` does, and keep of each of them and every quantity only the highest.
 
     ``ends (2, quantities, n)`` takes the values at the first and the last point; ``height, top (quantities, n)`` the peak
     of the sizes less their slack, and its point; ``largest (quantities,)`` is raised to the largest of these without the

@@ -43,7 +43,7 @@ class Scan:
 
 def scan_spans(motion: Motion, density: int) -> Scan:
     """Measure every span at ``density`` points, both ends included, and keep the highest."""
-    from planner.verify.motion_kernels import scan
+    from planner.verify.motion_kernels import measure_spans
 
     dim, spans = motion.curve.dim, motion.interval.size
     count = len(names(dim))
@@ -56,7 +56,7 @@ def scan_spans(motion: Motion, density: int) -> Scan:
         x = motion.grid(span, density)
         ends, height = np.empty((2, count, span.size)), np.empty((count, span.size))
         top, chunk_jerk = np.empty((count, span.size), dtype=np.intp), np.empty((dim, span.size))
-        scan(*motion.states(span, x), ends, height, top, largest, chunk_jerk)
+        measure_spans(*motion.states(span, x), ends, height, top, largest, chunk_jerk)
         jerk[:, span] = chunk_jerk
         for k in range(2):
             first, last = ends[:, axis_rows(dim, k)]

@@ -275,7 +275,7 @@ class TestLines:
         assert sum(top["length"]) == pytest.approx(CIRCLE.length)
 
     def test_very_many_lines_share_entries(self, tmp_path, monkeypatch, verdict):
-        monkeypatch.setattr(feedplan.page, "_MOST_LINES", 15)
+        monkeypatch.setattr(feedplan.page, "_MAX_LINES", 15)
         monkeypatch.setattr(feedplan.page, "_TOP_LINES", 7)
         write_report(tmp_path / "r.html", verdict, lines=lines_along(verdict.profile, FORTIETHS))
         found = facts_of(tmp_path / "r.html")["lines"]
@@ -364,8 +364,8 @@ class TestPage:
     def test_the_bound_holds_for_any_number_of_axes(self, dim):
         points = feedplan.page._most_points(dim, min(dim, 3))
         plan = points * (8 + 8 + 4 + 1 + 4 * min(dim, 3) + 2 * 4 * (5 + 2 * dim))
-        chords = feedplan.page._MOST_CHORDS * (8 + 2 * 4)
-        lines = feedplan.page._MOST_LINES * 3 * 4
+        chords = feedplan.page._MAX_CHORDS * (8 + 2 * 4)
+        lines = feedplan.page._MAX_LINES * 3 * 4
         assert points >= 20_000
         assert (plan + chords + lines) * 4 / 3 < 14e6  # which leaves 1 MB for the text
 

@@ -25,7 +25,7 @@ LENGTHS = {
     "butterfly-nurbs": 382.8565834742799,
     "flank": 98.16813287344424,
 }
-SMALLEST_RADII = {
+MIN_RADII = {
     "teardrop": (10.947321, 5e-7),
     "hypotrochoid": (0.421053, 5e-7),
     "snailshell": (0.108812, 5e-7),
@@ -70,14 +70,14 @@ class TestNamedCurves:
         digits = 1e-12 if LENGTHS[name] > 90 and name != "teardrop" else 1e-7
         assert load_curve(name).length == pytest.approx(LENGTHS[name], rel=digits)
 
-    @pytest.mark.parametrize("name", SMALLEST_RADII)
+    @pytest.mark.parametrize("name", MIN_RADII)
     def test_smallest_radius(self, name):
         curve = load_curve(name)
         u = np.linspace(*curve.domain, 20_001)
         for _ in range(3):
             best = int(np.argmax(curve.curvature(u)))
             u = np.linspace(u[max(best - 1, 0)], u[min(best + 1, u.size - 1)], 201)
-        value, tolerance = SMALLEST_RADII[name]
+        value, tolerance = MIN_RADII[name]
         assert 1.0 / curve.curvature(u).max() == pytest.approx(value, abs=tolerance)
 
     def test_sharpest_place_of_the_butterfly_nurbs(self):

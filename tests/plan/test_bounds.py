@@ -30,7 +30,7 @@ from planner.plan import bounds
 from planner.plan.bounds import Bound, section_bound, statement
 from planner.plan.dual.problem import Pace
 from planner.plan.ends import REST
-from planner.plan.knots import scan
+from planner.plan.knots import guess_feed
 from planner.plan.section import cut
 from planner.programs.path.path import program_path
 from planner.verify.certificate import verify_bound, verify_plan_bound
@@ -213,7 +213,7 @@ def test_caps_alone_bound_where_nothing_else_is_known():
     curve = load_curve("circle")
     limits = Limits(1.0, [250.0] * 2, [1e6] * 2, [1e9] * 2)
     (section,) = cut(curve, limits, exact_stop=False)
-    guess = scan(section, limits, 1000)
+    guess = guess_feed(section, limits, 1000)
     assert section_bound(section, limits, 1000, Pace(guess.u, guess.time)) == pytest.approx(curve.length, rel=1e-3)
 
 
@@ -332,7 +332,7 @@ def test_a_bound_whose_coordinate_does_not_grow_is_none(monkeypatch):
     assert 0.9999 * profile.duration < profile.lower_bound <= profile.duration
     place, look = bounds.place_knots, bounds.scan
     monkeypatch.setattr(bounds, "place_knots", lambda *given, **_follow: place(*given))
-    monkeypatch.setattr(bounds, "scan", lambda *given, **_follow: look(*given))
+    monkeypatch.setattr(bounds, "guess_feed", lambda *given, **_follow: look(*given))
     with pytest.raises(
         SolverError, match=r"between its knots u = [\d.e-]+ and [\d.e-]+ the coordinate of the bound does"
     ):

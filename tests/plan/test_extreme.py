@@ -54,7 +54,7 @@ def test_a_solve_that_fails_names_its_stretch(monkeypatch):
     def fails(*_args, **_options):
         raise SolverError("the interior-point method stopped")
 
-    monkeypatch.setattr(optimal, "solve", fails)
+    monkeypatch.setattr(optimal, "solve_interior", fails)
     with pytest.raises(SolverError, match=r"teardrop: no plan found between u = 0 and 1: the interior-point method"):
         plan_feedrate(load_curve("teardrop"), DRIVES)
 

@@ -13,7 +13,7 @@ from planner.errors import InfeasibleError
 from planner.geometry.formula import FormulaCurve
 from planner.machine.limits import Limits
 from planner.machine.machine_file import load_limits
-from planner.plan.knots import place_knots, scan, split
+from planner.plan.knots import guess_feed, place_knots, split
 from planner.plan.section import cut
 from planner.plan.utilisation_kernels import limit_growth
 
@@ -233,7 +233,7 @@ def test_a_path_that_nothing_limits_is_refused():
     limits = Limits(np.inf, [np.inf] * 2, [np.inf] * 2, [np.inf] * 2)
     (section,) = cut(line(10.0), limits, exact_stop=False)
     with pytest.raises(InfeasibleError, match="nothing limits the feed between u = 0 and 1"):
-        scan(section, limits, 100)
+        guess_feed(section, limits, 100)
 
 
 @given(st.integers(0, 10**6))
@@ -254,4 +254,4 @@ def test_a_feed_is_left_where_the_parameter_hardly_moves_the_path():
     sections = cut(curve, limits, exact_stop=False)
     assert sections
     for section in sections:
-        assert np.isfinite(scan(section, limits, 1000).duration)
+        assert np.isfinite(guess_feed(section, limits, 1000).duration)

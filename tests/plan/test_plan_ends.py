@@ -328,7 +328,7 @@ def test_a_round_that_fails_leaves_the_plan_before_it(monkeypatch: pytest.Monkey
     curve, limits = load_curve("butterfly", scale=10.0), mill()
     whole = plan_feedrate(curve, limits, intervals=300)
     assert whole.work.rounds > 1
-    solve, calls = optimal.solve, []
+    solve, calls = optimal.solve_interior, []
 
     def failing(*args: Any, **options: Any) -> Any:
         calls.append(1)
@@ -336,7 +336,7 @@ def test_a_round_that_fails_leaves_the_plan_before_it(monkeypatch: pytest.Monkey
             raise SolverError("planted")
         return solve(*args, **options)
 
-    monkeypatch.setattr(optimal, "solve", failing)
+    monkeypatch.setattr(optimal, "solve_interior", failing)
     profile = plan_feedrate(curve, limits, intervals=300)
     assert profile.work.rounds == 1
     assert any(n.startswith("refinement ended after 1 rounds") and "planted" in n for n in profile.notes)

@@ -47,7 +47,7 @@ def round_of(seconds: float = 1.0, slowdown: float = 1.0, forward: bool = True, 
 @pytest.fixture
 def solves(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, Any]]:
     """Arguments of every solve from here on; ``statuses`` and ``slower`` plant what comes out of each."""
-    solve, calls = optimal.solve, []
+    solve, calls = optimal.solve_interior, []
 
     def planted(problem: Any, start: Any, **options: Any) -> Any:
         calls.append((problem, start.copy() if isinstance(start, np.ndarray) else start))  # a solve works in its start
@@ -60,13 +60,13 @@ def solves(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, Any]]:
         return replace(found, status=Status.NO_STEP, time=factor * found.time, x=found.x / factor**2)
 
     planted.slower = []  # type: ignore[attr-defined]
-    monkeypatch.setattr(optimal, "solve", planted)
+    monkeypatch.setattr(optimal, "solve_interior", planted)
     calls_of: Any = calls
     return calls_of
 
 
 def planted_times(*factors: float) -> None:
-    optimal.solve.slower = list(factors)  # type: ignore[attr-defined]
+    optimal.solve_interior.slower = list(factors)  # type: ignore[attr-defined]
 
 
 def test_a_solve_that_stalls_is_begun_anew_without_the_law_before_it(solves: list[tuple[Any, Any]]) -> None:
@@ -348,7 +348,7 @@ def planned_with(
         solves.append(2.0 ** len(solves))
         return replace(solve(*args, **kwargs), cpu_s=solves[-1], **found)
 
-    monkeypatch.setattr(solver, "solve", timed)
+    monkeypatch.setattr(solver, "solve_interior", timed)
     return plan_feedrate(load_curve(name), DRIVES, method=method, intervals=intervals), len(solves)
 
 

@@ -13,7 +13,7 @@ from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
 from planner.machine.limits import Limits, chord_feed_limit
 from planner.machine.machine_file import load_limits
-from planner.plan.knots import scan
+from planner.plan.knots import guess_feed
 from planner.plan.rows import acceleration_rows, build, jerk_rows, path_at, speed_cap
 from planner.plan.section import axis_weights, cut
 
@@ -82,7 +82,7 @@ def test_the_chain_rule_itself_costs_nothing(formula_path, monkeypatch):
         return np.where(left[:, None], curve.derivatives(u, 3, side="left"), curve.derivatives(u, 3))
 
     monkeypatch.setattr("planner.plan.rows.evaluate", exact)
-    path = build(section, LIMITS, grid, scan(section, LIMITS, 60))[1]
+    path = build(section, LIMITS, grid, guess_feed(section, LIMITS, 60))[1]
     for k, accuracy in ((0, 1e-13), (1, 1e-12), (2, 1e-11), (3, 1e-10)):
         assert path.axes[k] == pytest.approx(d[k], abs=accuracy * np.abs(d[k]).max())
 

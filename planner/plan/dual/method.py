@@ -40,8 +40,8 @@ _STALLED, _PATIENCE, _CLOSE = 0.7, 4, 1e-3  # close to the end, a gap that falls
 _MAX_ITERATIONS = 50
 _INSIDE, _ROOM, _CENTRING = 0.8, 1.2, 0.3  # of the start: x against the plan's, y against x^(-1/2), products against y
 _WAYPOINT = 0.03  # relative gap, where another solve with slightly larger margins may begin
-_HOPE, _MOST_HOPE = 2.0, 0.3  # weight of the hoped-for gain in the centring, and the largest centring it asks for
-_LARGEST_FALL = 0.9
+_HOPE, _MAX_HOPE = 2.0, 0.3  # weight of the hoped-for gain in the centring, and the largest centring it asks for
+_MAX_FALL = 0.9
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +87,7 @@ class Problem:
     seam_cap: float = 0.0
 
 
-class State:
+class Iterates:
     """Where the method is: everything at the points, the atoms, theta; and a copy of where it came through."""
 
     def __init__(self, problem: Problem) -> None:
@@ -111,7 +111,7 @@ class State:
         if problem.seam_row is not None:
             self.seam[1:] = mean / self.seam[0]
         self.theta = np.zeros(problem.known.size)
-        self.waypoint: State | None = None
+        self.waypoint: Iterates | None = None
         self.time = float(np.sum(problem.weight * y))
         constraints = 2 + 2 * (jerks + accelerations)
         single = 2.0 * (float(np.sum(problem.first < 0)) + (problem.seam_row is not None))
@@ -122,12 +122,12 @@ class State:
 class _Newton:
     """The linear system of one iteration: a banded factor, bordered where a path closes."""
 
-    def __init__(self, problem: Problem, state: State, reduced: FloatArray, band: FloatArray) -> None:
+    def __init__(self, problem: Problem, state: Iterates, reduced: FloatArray, band: FloatArray) -> None:
         from planner.plan.dual import method_kernels as kernels
 
         self.problem, self.band = problem, band
         kernels.assemble(*_structure(problem), state.points, state.atoms, reduced, band)
-        self.regular = kernels.factor(problem.fixed, band) > 0.0
+        self.regular = kernels.factor_multipliers(problem.fixed, band) > 0.0
         if not self.regular:
             return
         self.border = problem.seam
@@ -144,7 +144,7 @@ class _Newton:
         from planner.plan.dual import method_kernels as kernels
 
         out = np.array(b)
-        kernels.solve(self.band, self.problem.fixed, out)
+        kernels.solve_multipliers(self.band, self.problem.fixed, out)
         return out
 
     def theta(self, b: FloatArray) -> FloatArray:
@@ -163,14 +163,14 @@ def _structure(problem: Problem) -> tuple[Any, Any, Any]:
     )
 
 
-def best_multipliers(problem: Problem, planned: float, start: State | None = None) -> State:
+def best_multipliers(problem: Problem, planned: float, start: Iterates | None = None) -> Iterates:
     """Find the best multipliers ``theta``; any are valid, so it stops where it cannot go on.
 
     Best to a small relative gap, or to a small share of what is left to the time of a plan (``planned``, in the problem's
     units): where the bound cannot come close to the plan, its last digits say nothing.  ``start`` is a waypoint of the same
     problem but for its margins.
     """
-    state, work = start or State(problem), _Work(problem)
+    state, work = start or Iterates(problem), _Scratch(problem)
     gaps = [np.inf] * _PATIENCE
     for _ in range(_MAX_ITERATIONS):
         if not _iterate(problem, state, work):
@@ -184,7 +184,7 @@ def best_multipliers(problem: Problem, planned: float, start: State | None = Non
     return state
 
 
-class _Work:
+class _Scratch:
     """Arrays that every iteration writes to."""
 
     def __init__(self, problem: Problem) -> None:
@@ -199,7 +199,7 @@ class _Work:
         self.out = np.zeros(7)
 
 
-def _iterate(problem: Problem, state: State, work: _Work) -> bool:
+def _iterate(problem: Problem, state: Iterates, work: _Scratch) -> bool:
     """One predictor-corrector step; False where the system is singular or the step length vanishes."""
     from planner.plan.dual import method_kernels as kernels
 
@@ -209,25 +209,27 @@ def _iterate(problem: Problem, state: State, work: _Work) -> bool:
     _direction(problem, state, work, newton, 0.0, 0.0)
     primal, dual = _length(work.out[0], 1.0), _length(work.out[1], 1.0)
     gap = state.gap + dual * work.out[3] + primal * work.out[4] + primal * dual * work.out[5]
-    centring = min(max((gap / state.gap) ** 3, min(-_HOPE * work.out[6] / state.gap, _MOST_HOPE), 1e-4), 1.0)
+    centring = min(max((gap / state.gap) ** 3, min(-_HOPE * work.out[6] / state.gap, _MAX_HOPE), 1e-4), 1.0)
     target, corrector = centring * state.gap / state.count, primal * dual
     theta = _direction(problem, state, work, newton, target, corrector)
     fraction = min(max(1.0 - state.gap / state.time, 0.9), 0.995)
-    primal = min(_length(work.out[0], fraction), _length(work.out[2], _LARGEST_FALL))
+    primal = min(_length(work.out[0], fraction), _length(work.out[2], _MAX_FALL))
     dual = _length(work.out[1], fraction)
     if not (np.isfinite(work.out).all() and np.isfinite(theta).all() and max(primal, dual) > 1e-8):
         return False
     state.theta = state.theta + dual * (theta - state.theta)
     state.seam[0] += primal * work.seam[0]
     state.seam[1:] += dual * work.seam[1:]
-    kernels.advance(*_structure(problem), primal, dual, work.step, work.atoms, state.points, state.atoms, work.out[:2])
+    kernels.take_step(
+        *_structure(problem), primal, dual, work.step, work.atoms, state.points, state.atoms, work.out[:2]
+    )
     x, low, high = state.seam
     state.gap, state.time = float(work.out[0] + x * low + (problem.seam_cap - x) * high), float(work.out[1])
     return True
 
 
 def _direction(
-    problem: Problem, state: State, work: _Work, newton: _Newton, target: float, corrector: float
+    problem: Problem, state: Iterates, work: _Scratch, newton: _Newton, target: float, corrector: float
 ) -> FloatArray:
     """New theta for a target of the products, and the steps that belong to it."""
     from planner.plan.dual import method_kernels as kernels

@@ -108,7 +108,7 @@ def assemble(cells, points, atoms, state, atom_state, reduced, band):
 
 
 @njit(F64(INDEX, WRITE2), cache=True, fastmath=_FAST, error_model="numpy")
-def factor(fixed, band):
+def factor_multipliers(fixed, band):
     """Cholesky factor of the band in place, unknowns in ``fixed`` (increasing) held; returns the smallest pivot."""
     count, last = band.shape[0], band.shape[1] - 1
     for at in fixed:
@@ -137,7 +137,7 @@ def factor(fixed, band):
 
 
 @njit(NOTHING(READ2, INDEX, WRITE1), cache=True, fastmath=_FAST, error_model="numpy")
-def solve(band, fixed, b):
+def solve_multipliers(band, fixed, b):
     """Solve with the factor, in place; 0 at the fixed unknowns."""
     count, last = band.shape[0], band.shape[1] - 1
     for at in fixed:
@@ -333,7 +333,7 @@ def steps(  # noqa: PLR0915 (one pass over all arrays)
 
 
 @njit(NOTHING(CELLS, POINTS, ATOMS, F64, F64, READ2, READ2, WRITE2, WRITE2, WRITE1), cache=True, error_model="numpy")
-def advance(cells, points, atoms, primal, dual, step, atom_step, state, atom_state, out):
+def take_step(cells, points, atoms, primal, dual, step, atom_step, state, atom_state, out):
     """Take the step; write the gap sum(omega s l) and the time sum(omega y) into ``out``."""
     first, J, A = cells
     weight, cap = points[0], points[1]

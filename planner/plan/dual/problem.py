@@ -20,9 +20,9 @@ from planner.types import FloatArray
 ROUNDS = 3
 _LOAD_MET, _LOAD_TOUCHED, _MARGIN = 1.0005, 1.0002, 1.0005
 _LOAD_PER_GAP = 2.0
-_LEAST_CAP = 1e-12  # of a place, where x is about 1
+_MIN_CAP = 1e-12  # of a place, where x is about 1
 _GOOD = 0.5  # of the time of the plan: caps alone prove less
-_LARGEST_RANGE = 1e12  # of caps against the plan: beyond that a cap says nothing to the method
+_MAX_RANGE = 1e12  # of caps against the plan: beyond that a cap says nothing to the method
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +130,7 @@ def problem_of(track: Track, pace: Pace, margin: FloatArray, *, periodic: bool) 
     for a, sign in ((0, -1.0), (1, 1.0)):
         rows[:, a * width + jerks : (a + 1) * width] = 0.5 * (linear[a] * second_a - sign * slope * first_a).T
     x = _squared_rate(track, pace, k, r) / per_x
-    cap = np.minimum(at.cap / per_x, _LARGEST_RANGE * x)
+    cap = np.minimum(at.cap / per_x, _MAX_RANGE * x)
     count = (track.sigma.size + 1) * width
     first = np.full(h.size, -1, dtype=np.int64)
     first[full] = nodes * np.arange(full.size)
@@ -219,7 +219,7 @@ def _atoms(track: Track, of: Multiplied, length: float, tau: float) -> tuple[Flo
         caps[at_jump] = np.minimum(caps[empty], jump_cap(track.limits, at, beyond))[at_jump[empty]]
         caps[empty] *= (tau / length) ** 2
     # A cap of 0 leaves an interior method no room; a larger one only makes its choice of multipliers a little worse.
-    return rows, np.clip(caps, _LEAST_CAP, 1.0 / np.finfo(float).eps)
+    return rows, np.clip(caps, _MIN_CAP, 1.0 / np.finfo(float).eps)
 
 
 def _conditions(

@@ -41,7 +41,7 @@ RULE_NODES = np.array([INSIDE, 0.5 - _ROOT, 0.5 + _ROOT, 1.0 - INSIDE])
 RULE_WEIGHTS = np.array([1.0, 5.0, 5.0, 1.0]) / 12.0
 _DIGITS = 32.0  # of u, that say nothing of a way between two knots
 _HALVINGS = 6
-_LEAST_SHARE = 0.05  # of the motions of all axes, weighted
+_MIN_SHARE = 0.05  # of the motions of all axes, weighted
 _WAY_MARGIN, _WAY_SAMPLES = 1.01, 17  # ways are sums of the largest values at so many samples of each cell
 _NEAR = 4.0  # times the other caps of x, at samples: what the ways from the ends say is no limit
 
@@ -258,7 +258,7 @@ class Track:
         limits = self.limits
         # A motion that hardly takes part says little, and rounding could be all there is of its way.
         share = np.abs(first[:-1]) * axis_weights(limits)[:, None]
-        first = np.vstack([np.where(share >= _LEAST_SHARE * share.max(axis=0), first[:-1], 0.0), first[-1:]])
+        first = np.vstack([np.where(share >= _MIN_SHARE * share.max(axis=0), first[:-1], 0.0), first[-1:]])
         acceleration = limits.of_motions(ACCELERATION.order)[:, None]
         jerk = limits.of_motions(JERK.order)[:, None]
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):

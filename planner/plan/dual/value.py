@@ -117,7 +117,7 @@ def _parts(splines: Splines) -> tuple[IntArray, FloatArray, FloatArray]:
     return k[order], lower[order], upper[order]
 
 
-def smallest(w: FloatArray, g: FloatArray, cap: FloatArray) -> FloatArray:
+def min_price(w: FloatArray, g: FloatArray, cap: FloatArray) -> FloatArray:
     """Smallest w x^(-1/2) + g x over 0 < x <= cap; for g > 0 at x = (w / 2g)^(2/3) where that is below the cap."""
     w = np.maximum(w, 0.0)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -149,7 +149,7 @@ def _sums(splines: Splines, k: IntArray, lower: FloatArray, upper: FloatArray) -
     cells = np.repeat(k, _NODES.size)
     r = (lower[:, None] + (upper - lower)[:, None] * _NODES).reshape(-1)
     at = splines.track.points(cells, r)
-    found = smallest(*weight_and_pull(splines, at, cells, r), at.cap).reshape(k.size, -1)
+    found = min_price(*weight_and_pull(splines, at, cells, r), at.cap).reshape(k.size, -1)
     return np.asarray(found @ _WEIGHTS * (upper - lower) * splines.track.h[k])
 
 

@@ -17,9 +17,9 @@ from numba import njit, types
 from planner.geometry.curve_kernels import F64, I64, NOTHING, READ1, READ2, WRITE1, WRITE2
 
 READ4 = types.Array(F64, 4, "C", readonly=True)
-_MOST_STEPS = 200  # of Newton; as many as there are lines at most, but for rounding
+_MAX_STEPS = 200  # of Newton; as many as there are lines at most, but for rounding
 _NEAR_BOUND = 0.98  # of a row's bound, from which on a law is taken to follow it
-_LARGEST_LEAN = 0.5  # of x / h: x does not bend back within an interval
+_MAX_LEAN = 0.5  # of x / h: x does not bend back within an interval
 
 
 @njit(types.UniTuple(F64, 4)(READ4, READ2, READ2, READ2, I64, F64, F64, F64, F64), cache=True, error_model="numpy")
@@ -63,7 +63,7 @@ def _extreme(rows, bounds, cap, offset, k, lean, x, sign, floor, ceiling):
     The width of the range of controls is a concave function of x, made of straight lines, so that Newton's iteration from
     outside meets its zero in as many steps as there are lines, at most (Pham and Pham, TOPP-RA, IEEE T-RO 34 (2018)).
     """
-    for _ in range(_MOST_STEPS):
+    for _ in range(_MAX_STEPS):
         low, high, low_slope, high_slope = _control_range(rows, bounds, cap, offset, k, lean, x, floor, ceiling)
         if not low > high:
             return x
@@ -146,5 +146,5 @@ def follow_rows(rows, bounds, offset, x, lean, out):
             continue
         first = (bound - rows[which, 0, k, 0] * x[k]) / rows[which, 1, k, 0]
         second = (bound - rows[which, 0, k, last] * x[k + 1]) / rows[which, 1, k, last]
-        most = _LARGEST_LEAN * min(x[k], x[k + 1]) / h
+        most = _MAX_LEAN * min(x[k], x[k + 1]) / h
         out[k] = min(max(0.5 * (first - second), -most), most)

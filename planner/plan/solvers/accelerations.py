@@ -27,7 +27,7 @@ from planner.errors import InfeasibleError, SolverError
 from planner.law import TimeLaw
 from planner.machine.limits import COMMANDS, Limits, command_kind
 from planner.plan.ends import Feed, feed_at
-from planner.plan.knots import Grid, Scan, place_knots, scan, with_blends
+from planner.plan.knots import FeedGuess, Grid, guess_feed, place_knots, with_blends
 from planner.plan.rows import Rows, acceleration_rows, path_at, speed_limits
 from planner.plan.section import Section
 from planner.plan.utilisation import Utilisation, utilisation
@@ -44,7 +44,7 @@ _STEP_SHARE = 1e-5  # of the time, for a start or a stop at once
 # Tightened by this many times the excess: the peaks between the points measured are a little higher.
 _MARGIN_GAIN = 1.05
 # The grid is halved until that saves less than this share of the time, so many times and up to so many intervals.
-_WORTH_HALVING, _MAX_HALVINGS, _MOST_INTERVALS = 5e-5, 4, 200_000
+_WORTH_HALVING, _MAX_HALVINGS, _MAX_INTERVALS = 5e-5, 4, 200_000
 _MAX_LEANS, _WORTH_LEANING, _GAUSS_POINTS = 6, 1e-6, 8
 _ATTAINABLE = 1e-12
 _SEAM = 1e-10  # of x: a closed path may end by so much below its start
@@ -55,7 +55,7 @@ _ROUNDED = 1e-12  # of the time
 
 
 @dataclass(frozen=True, eq=False)
-class _Stage:
+class _SpeedGrid:
     """A grid of one section with its rows and caps at the points of all intervals.
 
     ``y``, ``u`` (n + 1,) at the knots, ``rate (2, n, 2)`` the first two derivatives of u by y at both ends of each
@@ -76,7 +76,7 @@ class _Stage:
     lean: FloatArray
 
     @classmethod
-    def on(cls, section: Section, limits: Limits, y: FloatArray, u: FloatArray, mean: float) -> _Stage:
+    def on(cls, section: Section, limits: Limits, y: FloatArray, u: FloatArray, mean: float) -> _SpeedGrid:
         h = np.diff(y)
         share = np.linspace(0.0, 1.0, _PARTS + 1)
         offset = h[:, None] * share
@@ -109,7 +109,7 @@ class _Stage:
             np.zeros(h.size),
         )
 
-    def led(self) -> tuple[_Stage, FloatArray]:
+    def led(self) -> tuple[_SpeedGrid, FloatArray]:
         """Solve, and let the accelerations lean along the rows that they follow as long as that saves time."""
         from planner.plan.solvers.acceleration_kernels import follow_rows
 
@@ -204,7 +204,7 @@ class _Stage:
         t = np.concatenate([[0.0], np.cumsum(self.time(x))])
         return TimeLaw(np.repeat(t, 2)[1:-1], np.repeat(self.u, 2)[1:-1], rate.reshape(-1), acceleration.reshape(-1))
 
-    def tightened(self, used: Utilisation) -> _Stage:
+    def tightened(self, used: Utilisation) -> _SpeedGrid:
         """The same with tighter limits in the intervals that exceed them."""
         excess = np.stack([used.speed[::2], used.acceleration[::2]])
         return replace(self, margin=self.margin * np.where(excess > 1.0, 1.0 + _MARGIN_GAIN * (excess - 1.0), 1.0))
@@ -233,7 +233,7 @@ class WithoutJerk:
     saved: Mapping[str, float]
 
 
-def plan_section(section: Section, limits: Limits, intervals: int) -> WithoutJerk:
+def plan_without_jerk(section: Section, limits: Limits, intervals: int) -> WithoutJerk:
     """Plan one section with speed and acceleration limits only.
 
     Parameters
@@ -253,7 +253,7 @@ def plan_section(section: Section, limits: Limits, intervals: int) -> WithoutJer
     InfeasibleError
         If the limits do not join the feeds prescribed at the ends.
     """
-    guess = scan(section, limits, intervals)
+    guess = guess_feed(section, limits, intervals)
     blended = with_blends(section, guess)
     # The same knots as with a jerk limit, dense at rest, mapped to the coordinate without blends.
     grid = place_knots(blended, guess, intervals)
@@ -265,7 +265,7 @@ def plan_section(section: Section, limits: Limits, intervals: int) -> WithoutJer
     closest = _closest(guess)
     best = _refined(plain, limits, y, u, mean, closest)
     halvings = 0
-    while halvings < _MAX_HALVINGS and 2 * (best[0].y.size - 1) <= _MOST_INTERVALS:
+    while halvings < _MAX_HALVINGS and 2 * (best[0].y.size - 1) <= _MAX_INTERVALS:
         stage = best[0]
         finer = _refined(plain, limits, *_halved(plain, stage, np.ones(stage.y.size - 1, dtype=bool)), mean, closest)
         gain = 1.0 - _duration(finer) / _duration(best)
@@ -279,7 +279,7 @@ def plan_section(section: Section, limits: Limits, intervals: int) -> WithoutJer
     return WithoutJerk(stage.law(x), unmet, place, work, _saved(stage, x))
 
 
-_Found = tuple[_Stage, FloatArray, float, float, int]
+_Found = tuple[_SpeedGrid, FloatArray, float, float, int]
 
 
 def _duration(found: _Found) -> float:
@@ -287,7 +287,7 @@ def _duration(found: _Found) -> float:
     return float(stage.time(x).sum()) * unmet
 
 
-def _closest(guess: Scan) -> tuple[FloatArray, FloatArray]:
+def _closest(guess: FeedGuess) -> tuple[FloatArray, FloatArray]:
     """Times between nodes from which on they tell an acceleration, at the coordinates of a scan.
 
     A digit e = eps (|u| |dq/du| + v t + L) in the place of a node, its time and the arc length, h between nodes, is
@@ -297,7 +297,7 @@ def _closest(guess: Scan) -> tuple[FloatArray, FloatArray]:
     return guess.y, np.sqrt(12.0 * digit / (_ROUNDING_SHARE * guess.acceleration))
 
 
-def _apart(guess: Scan, grid: Grid, y: FloatArray) -> NDArray[np.bool_]:
+def _apart(guess: FeedGuess, grid: Grid, y: FloatArray) -> NDArray[np.bool_]:
     """Which knots to keep: one of each double one, and none between breaks that rounding hardly tells from another."""
     keep = np.append((np.diff(y) > 0.0) & (np.diff(grid.u) > 0.0), True)
     at = guess.y[0] + y
@@ -326,7 +326,7 @@ def _refined(
     closest: tuple[FloatArray, FloatArray],
 ) -> _Found:
     """Solve, and halve intervals and tighten limits until the law keeps them between the knots too."""
-    stage = _Stage.on(section, limits, y, u, mean)
+    stage = _SpeedGrid.on(section, limits, y, u, mean)
     best: _Found | None = None
     for round_ in range(1, _MAX_ROUNDS + 1):
         stage, x = stage.led()
@@ -354,7 +354,7 @@ def _refined(
         if coarse.any():
             y, u = _halved(section, stage, coarse)
             if y.size > stage.y.size:
-                stage = _Stage.on(section, limits, y, u, mean)
+                stage = _SpeedGrid.on(section, limits, y, u, mean)
                 continue
         stage = stage.tightened(used)
     if best is None:
@@ -362,7 +362,7 @@ def _refined(
     return best
 
 
-def _halved(section: Section, stage: _Stage, where: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
+def _halved(section: Section, stage: _SpeedGrid, where: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
     """Knots with these intervals halved, but for those that rounding does not let."""
     k = np.flatnonzero(where)
     y = 0.5 * (stage.y[k] + stage.y[k + 1])
@@ -372,10 +372,10 @@ def _halved(section: Section, stage: _Stage, where: NDArray[np.bool_]) -> tuple[
     return np.insert(stage.y, k, y[inside]), np.insert(stage.u, k, u[inside])
 
 
-def _saved(stage: _Stage, x: FloatArray) -> dict[str, float]:
+def _saved(stage: _SpeedGrid, x: FloatArray) -> dict[str, float]:
     """Seconds that one percent more of each limit saves: solved again with it."""
     time = float(stage.time(x).sum())
-    relaxed: dict[str, _Stage] = {}
+    relaxed: dict[str, _SpeedGrid] = {}
     for name, most in stage.speeds.items():
         # x grows with the square of a speed, and with the chord error itself
         more = 1.0 + _PERCENT * (1.0 if name == CHORD_ERROR.label else 2.0)

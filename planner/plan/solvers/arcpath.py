@@ -115,7 +115,7 @@ class ArcPath:
         return np.asarray(np.minimum.reduceat(np.append(self.cruise, np.inf), bounds)[::2])
 
 
-def advance(state: FloatArray, jerk: FloatArray, h: FloatArray) -> FloatArray:
+def advance_phase(state: FloatArray, jerk: FloatArray, h: FloatArray) -> FloatArray:
     """Move s, v, a (3, ...) on by the time h at constant jerk."""
     s, v, a = state
     return np.stack([s + h * (v + h * (0.5 * a + h * jerk / 6.0)), v + h * (a + 0.5 * h * jerk), a + h * jerk])
@@ -305,7 +305,7 @@ def tabulate(
         of, since, known = of[order], since[order], known[order]
         t = np.append(clock[of] + since, clock[-1])
         gap = np.diff(t)
-        state = np.append(advance(states[:, of], jerk[of], since), states[:, -1:], axis=1)
+        state = np.append(advance_phase(states[:, of], jerk[of], since), states[:, -1:], axis=1)
         u = np.append(known, u_ends[1])
         u[np.isnan(u)] = np.clip(curve.arclength.u(state[0, np.isnan(u)]), *u_ends)
         law, per_jerk, per_feed = _rates_of_u(curve, limits, u[:-1], state[:, :-1], jerk[of], "right")
@@ -335,7 +335,7 @@ def _crossings(
     lo, hi = np.zeros(s.size), h[phase]
     for _ in range(60):
         middle = 0.5 * (lo + hi)
-        short = advance(begin[:, phase], jerk[phase], middle)[0] < s
+        short = advance_phase(begin[:, phase], jerk[phase], middle)[0] < s
         lo, hi = np.where(short, middle, lo), np.where(short, hi, middle)
     return phase, np.where(np.abs(s - begin[0, phase]) <= near, 0.0, 0.5 * (lo + hi))
 

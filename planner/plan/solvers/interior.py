@@ -56,13 +56,13 @@ from planner.status import Status
 from planner.types import FloatArray, Progress
 
 GAP_TOLERANCE = 1e-6
-_FINEST_GAP, _SMALLEST_SHARE = 1e-10, 1e-3
+_FINEST_GAP, _MIN_SHARE = 1e-10, 1e-3
 _MAX_ITERATIONS = 150
 _FEASIBLE = 1e-9
 _HOPE = 2.0  # weight of the hoped-for gain in the centring
-_LARGEST_FALL = 0.9
+_MAX_FALL = 0.9
 # Slacks at the start are at least this much of a bound, and the start of a warm one is slowed down to this share of it.
-_LEAST_SLACK, _LEAST_WARM_SLACK, _WARM_INSIDE = 0.05, 1e-6, 0.9999
+_MIN_SLACK, _MIN_WARM_SLACK, _WARM_INSIDE = 0.05, 1e-6, 0.9999
 _WAYPOINT_GAP = 3e-3
 _NO_CAP = 1e300
 
@@ -140,7 +140,7 @@ class Iterate:
         self.z = start.z if isinstance(start, Waypoint) else np.ascontiguousarray(start)
         self.scale_inside(_WARM_INSIDE if warm else inside)
         bounds, y = self.bounds_and_value()
-        least = _LEAST_WARM_SLACK if warm else _LEAST_SLACK
+        least = _MIN_WARM_SLACK if warm else _MIN_SLACK
         over = np.stack([y - bounds[:, 0], -y - bounds[:, 1]], axis=1)
         self.slack = np.ascontiguousarray(np.maximum(-over, least))
         self.time = float(dot(self.weight, self.z[0] ** -0.5))
@@ -178,7 +178,7 @@ class Iterate:
         self.z *= share / used
 
 
-def solve(
+def solve_interior(
     problem: Constraints,
     start: FloatArray | Waypoint,
     *,
@@ -263,7 +263,7 @@ def _tolerance(problem: Constraints) -> float:
     """Relative gap that resolves the shortest interval too: the share of one row below a thousandth of its time."""
     share = problem.weight[1::2][problem.h > 0.0] * problem.guess[:-1][problem.h > 0.0] ** -0.5
     rows = 2 * (1 + len(problem.acceleration) + len(problem.jerk)) * problem.cap.size
-    return float(np.clip(_SMALLEST_SHARE * rows * share.min() / share.sum(), _FINEST_GAP, GAP_TOLERANCE))
+    return float(np.clip(_MIN_SHARE * rows * share.min() / share.sum(), _FINEST_GAP, GAP_TOLERANCE))
 
 
 def _iterate(it: Iterate) -> Status | None:
@@ -277,7 +277,7 @@ def _iterate(it: Iterate) -> Status | None:
     _prepare_ends(it)
     _newton(it, it.affine)
     pace_step = -0.5 * pace / it.z[0] * it.affine[0]
-    kernels.measure(*state, it.affine, pace_step, 0.0, 0.0, True, it.out)
+    kernels.measure_iterate(*state, it.affine, pace_step, 0.0, 0.0, True, it.out)
     primal, dual = _length(it.out[0], 1.0), _length(it.out[1], 1.0)
     affine_gap = it.gap + primal * it.out[2] + dual * it.out[3] + primal * dual * it.out[4]
     hope = -float(dot(it.weight, pace_step))
@@ -287,14 +287,14 @@ def _iterate(it: Iterate) -> Status | None:
     kernels.tie_pace(it.z, it.weight, it.pace_sums, False, False, it.hessian, it.gradient)
     _newton(it, it.step)
     pace_step = -0.5 * pace / it.z[0] * it.step[0]
-    kernels.measure(*state, it.step, pace_step, target, corrector, False, it.out)
+    kernels.measure_iterate(*state, it.step, pace_step, target, corrector, False, it.out)
     fraction = min(max(1.0 - it.gap / it.time, 0.9), 0.995)
-    primal = min(_length(it.out[0], fraction), _length(it.out[5], _LARGEST_FALL))
+    primal = min(_length(it.out[0], fraction), _length(it.out[5], _MAX_FALL))
     dual = _length(it.out[1], fraction)
     if not (np.isfinite(it.out).all() and primal > 1e-10):
         return Status.NO_STEP
     new_pace = 1.0 / np.sqrt(it.z[0] + primal * it.step[0])
-    kernels.advance(*state, it.step, pace_step, new_pace, target, corrector, primal, dual, it.out)
+    kernels.advance_iterate(*state, it.step, pace_step, new_pace, target, corrector, primal, dual, it.out)
     it.time, it.gap, it.residual = float(dot(it.weight, new_pace)), float(it.out[0]), float(it.out[1])
     return None
 
@@ -307,7 +307,7 @@ def _factor(it: Iterate, pace: FloatArray) -> bool:
     for clip in (False, True):
         kernels.condense(*state, 0.0, 0.0, True, it.hessian, it.gradient, it.pace_sums)
         kernels.tie_pace(it.z, it.weight, it.pace_sums, clip, True, it.hessian, it.gradient)
-        if kernels.factor(it.h, it.hessian, it.gains, it.root) > 0.0:
+        if kernels.factor_barrier(it.h, it.hessian, it.gains, it.root) > 0.0:
             return True
     return False
 
@@ -331,7 +331,7 @@ def _prepare_ends(it: Iterate) -> None:
     none = np.zeros_like(it.gradient)
     for first, last in prices:
         response = np.empty_like(it.step)
-        kernels.solve(it.h, it.gains, it.root, none, first, last, it.fixed, it.feed_forward, response)
+        kernels.solve_barrier(it.h, it.gains, it.root, none, first, last, it.fixed, it.feed_forward, response)
         it.ends.append((response, last))
 
 
@@ -340,7 +340,7 @@ def _newton(it: Iterate, step: FloatArray) -> None:
     from planner.plan.solvers import interior_kernels as kernels
 
     none = np.zeros(3)
-    kernels.solve(it.h, it.gains, it.root, it.gradient, none, none, it.fixed, it.feed_forward, step)
+    kernels.solve_barrier(it.h, it.gains, it.root, it.gradient, none, none, it.fixed, it.feed_forward, step)
     if not it.ends:
         return
 

@@ -124,7 +124,7 @@ def tie_pace(z, weight, pace_sums, clip, factorise, hessian, gradient):
     fastmath=_FAST,
     error_model="numpy",
 )
-def measure(rows, bounds, z, pace, slack, dual, product, step, pace_step, target, corrector, keep, out):
+def measure_iterate(rows, bounds, z, pace, slack, dual, product, step, pace_step, target, corrector, keep, out):
     """Write what a step needs to know of itself into ``out``; with ``keep`` also the products ds * dl.
 
     0, 1: largest relative decrease of a slack and of a multiplier; 2..4: sums of ds*l, s*dl and ds*dl; 5: largest
@@ -180,7 +180,7 @@ def measure(rows, bounds, z, pace, slack, dual, product, step, pace_step, target
     fastmath=_FAST,
     error_model="numpy",
 )
-def advance(
+def advance_iterate(
     rows, bounds, z, pace, slack, dual, product, step, pace_step, new_pace, target, corrector, primal, dual_length, out
 ):
     """Take the step; write the gap sum(s l) and the largest relative primal residual into ``out``.
@@ -230,7 +230,7 @@ def advance(
 
 
 @njit(F64(READ1, READ2, WRITE2, WRITE1), cache=True, error_model="numpy")
-def factor(h, hessian, gains, root):
+def factor_barrier(h, hessian, gains, root):
     """Backward Riccati recursion on the Hessian: gains (4, n-1) of the control on the state, and the first knot's P.
 
     Row 3 of ``gains`` is the pivot.  Returns the smallest pivot met (negative: the Hessian is not positive definite on
@@ -283,8 +283,8 @@ def factor(h, hessian, gains, root):
 
 
 @njit(NOTHING(READ1, READ2, READ1, READ2, READ1, READ1, I64, WRITE1, WRITE2), cache=True, error_model="numpy")
-def solve(h, gains, root, gradient, first, last, fixed, feed_forward, step):
-    """Newton step for one gradient, by the gains of :func:`factor`: a backward sweep, then a forward one.
+def solve_barrier(h, gains, root, gradient, first, last, fixed, feed_forward, step):
+    """Newton step for one gradient, by the gains of :func:`factor_barrier`: a backward sweep, then a forward one.
 
     ``first`` and ``last`` are extra gradients of the first and last state (for end conditions).  At the first knot ``fixed``
     of its states do not move: none, x, or x and a.

@@ -25,10 +25,10 @@ from planner.types import FloatArray
 
 _TOLERANCE = 1e-8
 _MAX_ITERATIONS = 1000
-_SMALLEST_X = 1e-10
+_MIN_X = 1e-10
 
 
-def solve(problem: Constraints) -> Solution:
+def solve_nlp(problem: Constraints) -> Solution:
     """Solve one section with IPOPT.
 
     Parameters
@@ -45,7 +45,7 @@ def solve(problem: Constraints) -> Solution:
         With IPOPT's own words, if it does not converge.
     """
     began = process_time()
-    program = _Program.of(problem)
+    program = _Collocation.of(problem)
     paces = [px**-0.5 for px, _, _ in program.points]
     z, time, iterations = program.run(problem, paces, program.start)
     cpu = process_time() - began
@@ -62,7 +62,7 @@ def relaxed_time(problem: Constraints) -> float:
     """
     import casadi
 
-    program = _Program.of(problem)
+    program = _Collocation.of(problem)
     paces = [casadi.MX.sym("y", px.shape[0]) for px, _, _ in program.points]
     x = program.start[0]
     inner = problem.h > 0.0
@@ -72,7 +72,7 @@ def relaxed_time(problem: Constraints) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class _Program:
+class _Collocation:
     """The symbols common to both problems.
 
     ``states`` are x, a, c at the knots; ``points`` the same as expressions, at the knots and at the midpoints; ``chosen``
@@ -86,7 +86,7 @@ class _Program:
     start: FloatArray
 
     @classmethod
-    def of(cls, problem: Constraints) -> _Program:
+    def of(cls, problem: Constraints) -> _Collocation:
         import casadi
 
         n = problem.h.size + 1
@@ -118,7 +118,7 @@ class _Program:
         for (px, pa, pc), at, pace in zip(self.points, self.chosen, paces, strict=True):
             time += casadi.dot(casadi.DM(problem.weight[at]), pace)
             rows.append(px)
-            low.append(np.full(at.size, _SMALLEST_X))
+            low.append(np.full(at.size, _MIN_X))
             high.append(problem.cap[at])
             if own:
                 rows.append(pace - px**-0.5)
@@ -172,7 +172,7 @@ class _Program:
         """Bounds on the variables x, then a, then c: x > 0, and what is prescribed."""
         n = problem.h.size + 1
         lowest, highest = np.full(size, -np.inf), np.full(size, np.inf)
-        lowest[:n] = _SMALLEST_X
+        lowest[:n] = _MIN_X
         for value, index in ((problem.start, 0), (problem.end, n - 1), (problem.start_slope, n)):
             if not np.isnan(value):
                 lowest[index] = highest[index] = value

@@ -39,7 +39,16 @@ import numpy as np
 from planner.errors import InfeasibleError, InputError, SolverError
 from planner.geometry.curve import Curve
 from planner.machine.limits import Limits, require_limits
-from planner.plan.solvers.arcpath import NOISE, ArcPath, IntArray, Nodes, advance, describe, tabulate, used_exactly
+from planner.plan.solvers.arcpath import (
+    NOISE,
+    ArcPath,
+    IntArray,
+    Nodes,
+    advance_phase,
+    describe,
+    tabulate,
+    used_exactly,
+)
 from planner.types import FloatArray
 
 _MERGE = 0.05  # minima of the limit curve are merged unless the feed rises by this fraction between them
@@ -58,7 +67,7 @@ _UPWARDS = [(1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1), (0, 1, 1, 1)
 _EXCHANGES = [(1, 0, 0, -0.7), (1, -1, -1, -1), (0, -0.7, 0, 1), (0, 0, -0.7, 1), (-0.7, 1, 0, 0), (-0.7, 0, 1, 0)]
 _BLOCK_MOVES = np.array([*_UPWARDS, *_EXCHANGES], dtype=np.float64)
 _NODE_MOVES = np.array([move for move in product((0.0, 1.0), (-1.0, 0.0, 1.0), (-1.0, 0.0, 1.0)) if any(move)])
-_FIRST_STEP, _SMALLEST_STEP, _RESUMED_STEP = 0.4, 4e-3, 0.1
+_FIRST_STEP, _MIN_STEP, _RESUMED_STEP = 0.4, 4e-3, 0.1
 _LARGER, _SMALLER = 1.5, 0.45
 _GAIN = 1e-6  # the least saving that makes a trial count
 _ROUNDS, _PATIENCE, _WORTH = 30, 5, 1e-3  # a search ends when its last five rounds saved less than this fraction
@@ -85,7 +94,7 @@ class _Plan:
         return np.stack([self.s[first], self.v[first], self.s[last], self.v[last]])
 
 
-def plan_section(
+def plan_scurve(
     curve: Curve, limits: Limits, u_start: float, u_end: float, start_feed: float, end_feed: float
 ) -> Nodes:
     """Plan a section of a path that has no exact stop inside.
@@ -222,7 +231,7 @@ def _trace(
         time[some] = phases[0, some].sum(axis=1)
     states[0, :, 0], states[1, :, 0] = s0, v0
     for i in range(7):
-        states[:, :, i + 1] = advance(states[:, :, i], phases[1, :, i], phases[0, :, i])
+        states[:, :, i + 1] = advance_phase(states[:, :, i], phases[1, :, i], phases[0, :, i])
     return np.where(time < below, time, np.inf), phases, states
 
 
@@ -244,7 +253,7 @@ def _durations(
         block, phase = np.nonzero(np.isfinite(time)[:, None] & ramps)
         h, jerk, begin = *phases[:, block, phase], states[:, block, phase]
         each, since = pick(path, h, jerk, begin, states[:2, block, phase + 1])
-        s, v, a = advance(begin[:, each], jerk[each], since)
+        s, v, a = advance_phase(begin[:, each], jerk[each], since)
         used = path.used(s, v, a, jerk[each])
         time[block[each[used > 1.0 + _ROUND_OFF]]] = np.inf
     return time
@@ -269,7 +278,7 @@ def _at_trial_places(
     mean = v0 + np.sqrt(np.maximum(v0**2 + (v1**2 - v0**2) * (s - s0) / np.maximum(s1 - s0, _TINY), 0.0))
     since = np.minimum(2.0 * (s - s0) / np.maximum(mean, _TINY), h[each])
     for _ in range(_NEWTON_STEPS):
-        at = advance(begin[:, each], jerk, since)
+        at = advance_phase(begin[:, each], jerk, since)
         since = np.clip(since - (at[0] - s) / np.maximum(at[1], _TINY), 0.0, h[each])
     return each, since
 
@@ -413,7 +422,7 @@ def _improve(path: ArcPath, solver: _Ruckig, plan: _Plan, rounds: int) -> None:
 
 def _search_blocks(path: ArcPath, solver: _Ruckig, plan: _Plan, step: FloatArray) -> None:
     """Try every direction on each block still searched; take the fastest, or shorten the step."""
-    some = np.flatnonzero(step > _SMALLEST_STEP)
+    some = np.flatnonzero(step > _MIN_STEP)
     if some.size == 0:
         return
     tops = np.minimum(plan.tops[some, None] * np.exp(step[some, None, None] * _BLOCK_MOVES), path.tops)
@@ -429,7 +438,7 @@ def _search_nodes(
     path: ArcPath, solver: _Ruckig, plan: _Plan, nodes: IntArray, step: FloatArray, block_step: FloatArray
 ) -> None:
     """Try every direction on nodes no two of which share a block; a node on a curvature jump stays there."""
-    nodes = nodes[step[nodes] > _SMALLEST_STEP]
+    nodes = nodes[step[nodes] > _MIN_STEP]
     if nodes.size == 0:
         return
     count, h = _NODE_MOVES.shape[0], step[nodes, None]

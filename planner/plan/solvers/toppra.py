@@ -16,7 +16,7 @@ from planner.errors import InfeasibleError, SolverError
 from planner.law import TimeLaw
 from planner.machine.limits import Limits
 from planner.plan.ends import Feed, feed_at
-from planner.plan.knots import place_knots, scan, with_blends
+from planner.plan.knots import guess_feed, place_knots, with_blends
 from planner.plan.rows import acceleration_rows, path_at, speed_cap
 from planner.plan.section import Section
 from planner.types import FloatArray
@@ -24,7 +24,7 @@ from planner.types import FloatArray
 _FASTEST = 1e4  # in units of the section over its expected duration; stands for no bound
 
 
-def plan_section(section: Section, limits: Limits, intervals: int) -> TimeLaw:
+def plan_toppra(section: Section, limits: Limits, intervals: int) -> TimeLaw:
     """Plan one section with acceleration limits only.
 
     Parameters
@@ -44,7 +44,7 @@ def plan_section(section: Section, limits: Limits, intervals: int) -> TimeLaw:
     InfeasibleError
         If toppra finds no controllable speeds at an end.
     """
-    guess = scan(section, limits, intervals)
+    guess = guess_feed(section, limits, intervals)
     blended = with_blends(section, guess)
     # The same knots as the other methods use, which are dense at rest, mapped to the coordinate without blends.
     grid = place_knots(blended, guess, intervals)

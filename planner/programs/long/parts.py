@@ -27,7 +27,7 @@ from planner.programs.long.run import Run, cut_run
 from planner.programs.path.absorb import Absorbed, absorb
 from planner.programs.path.corners import Junction, Junctions, classify
 from planner.programs.path.measure import Place, Written, largest_deviation
-from planner.programs.path.moves import Blocks
+from planner.programs.path.moves import MovingBlocks
 from planner.programs.path.path import (
     _MARGIN,
     _SHORT_REST,
@@ -43,9 +43,9 @@ from planner.programs.reading.program import Program, rows_of
 from planner.types import FloatArray
 
 _HISTORY, _AHEAD = 3, 3  # blocks that decide what a junction becomes, on either side
-_FIRST_BLOCKS, _FEWEST_BLOCKS, _MOST_BLOCKS = 4000, 500, 20_000
+_FIRST_BLOCKS, _MIN_BLOCKS, _MAX_BLOCKS = 4000, 500, 20_000
 _WANTED_KNOTS = 1800.0  # of the tubes of a part
-_FEWEST_KNOTS = 2 * OVERLAP  # of a tube that is cut
+_MIN_KNOTS = 2 * OVERLAP  # of a tube that is cut
 _DEFERRED = 4.0  # tolerances before a cut that are measured with the next part: twice the tangential slip
 _KEPT = 8.0  # mm of a part that are kept to measure the next one
 _ROUNDING = 1e-9  # mm, of abscissae
@@ -84,7 +84,7 @@ class Cursor:
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class PathPart:
     """A part of the path: the run, whether the path rests at its end, and what was measured.
 
     ``deviation`` is in mm, ``share`` against the tolerance in force, ``deviation_row`` the move it was found at;
@@ -116,7 +116,7 @@ class PathSource:
     @cached_property
     def absorbed(self) -> Absorbed:
         """What absorption leaves of the program: the same for every part, so that parts join."""
-        return absorb(self.program, Blocks.of(self.program, self.tolerance, self.moves))
+        return absorb(self.program, MovingBlocks.of(self.program, self.tolerance, self.moves))
 
     def given(self, first: int, last: int) -> slice:
         """Which of ``row`` the moves from ``first`` to before ``last`` stand for."""
@@ -127,7 +127,7 @@ class PathSource:
         """The cursor before the first part."""
         return Cursor(0, 0.0, None, True, _FIRST_BLOCKS, None, 0.0)
 
-    def part(self, cursor: Cursor) -> tuple[Part, Cursor | None]:
+    def part(self, cursor: Cursor) -> tuple[PathPart, Cursor | None]:
         """Build the part at a cursor; with it comes the cursor of the next one, None at the end of the program."""
         count = cursor.blocks
         while True:
@@ -151,7 +151,7 @@ class PathSource:
 
 
 @dataclass(frozen=True, eq=False)
-class _Pieces:
+class _FittedTubes:
     """What was fitted: junctions, tubes in order, reasons of stops, where the part ends, and whether inside a tube."""
 
     junctions: Junctions
@@ -171,7 +171,7 @@ class _View:
     source: PathSource
     cursor: Cursor
     first: int
-    blocks: Blocks
+    blocks: MovingBlocks
     own: FloatArray
     given: NDArray[np.intp]
     written: Written
@@ -184,11 +184,11 @@ class _View:
         absorbed = source.absorbed
         size = len(absorbed.program)
         first, last = max(cursor.row - _HISTORY, 0), min(cursor.row + count, size)
-        blocks = Blocks.of(rows_of(absorbed.program, slice(first, last)), None, source.moves)
+        blocks = MovingBlocks.of(rows_of(absorbed.program, slice(first, last)), None, source.moves)
         edges = blocks.programmed.edges
         some = source.given(first, last)
         given = source.row[some]
-        programmed = Blocks.of(rows_of(source.program, given), source.tolerance, source.moves).programmed
+        programmed = MovingBlocks.of(rows_of(source.program, given), source.tolerance, source.moves).programmed
         begin = float(absorbed.edges[first])
         place = _at_edges(absorbed.place[some.start : some.stop + 1] - begin, edges)
         lines = [(lo - begin, hi - begin, tolerance) for lo, hi, tolerance in absorbed.lines(first, last)]
@@ -220,7 +220,7 @@ class _View:
             return float(edges[-1])
         return float(min(edges[-1] - 2.0 * _MARGIN - _SHORT_REST, edges[max(edges.size - 1 - _AHEAD, 0)]))
 
-    def fit(self, share: float, room: FloatArray | None) -> _Pieces | None:
+    def fit(self, share: float, room: FloatArray | None) -> _FittedTubes | None:
         """Fit tubes with a share of their tolerance, corners within ``room``; None where the part would have no length."""
         blocks, limits = self.blocks, self.source.limits
         junctions = classify(blocks.programmed, blocks.tolerance, blocks.stop, room)
@@ -238,7 +238,7 @@ class _View:
             if stretch.start >= end - _BESIDE:
                 break
             is_open = stretch.end > self.known and not self.is_last and np.isinf(end)
-            if is_open and _knots(stretch) < _FEWEST_KNOTS:
+            if is_open and _knots(stretch) < _MIN_KNOTS:
                 end = stretch.start
                 break
             narrowed = replace(stretch, tolerance=share * stretch.tolerance)
@@ -260,7 +260,7 @@ class _View:
             and not (s[junctions.kind == Junction.STOP] == end).any()
         ):
             return None
-        return _Pieces(junctions, tubes, reasons, end, inside)
+        return _FittedTubes(junctions, tubes, reasons, end, inside)
 
     def _entered(self, stretches: list[Stretch], junctions: Junctions, last: float) -> list[Stretch]:
         """Let the first stretch begin as the part before ended."""
@@ -333,7 +333,7 @@ def _knots(stretch: Stretch) -> int:
     return int(knotting.place(stretch.start, stretch.end, stretch.at, stretch.spacing, stretch.sharp).size)
 
 
-def _measured(view: _View, pieces: _Pieces) -> Part:
+def _measured(view: _View, pieces: _FittedTubes) -> PathPart:
     """Assemble the part and measure it."""
     blocks, cursor, written = view.blocks, view.cursor, view.written
     curve, _, s_edges = _assemble(blocks, pieces.junctions, pieces.tubes)
@@ -354,10 +354,10 @@ def _measured(view: _View, pieces: _Pieces) -> Part:
     stops = tuple(
         (view.row_before(k), reason) for k, reason in sorted(pieces.reasons.items()) if view.start < s[k] <= pieces.end
     )
-    return Part(run, rests, found.largest, largest, int(view.given[at]), stops)
+    return PathPart(run, rests, found.largest, largest, int(view.given[at]), stops)
 
 
-def _measured_places(view: _View, pieces: _Pieces) -> tuple[list[Place], list[Place]]:
+def _measured_places(view: _View, pieces: _FittedTubes) -> tuple[list[Place], list[Place]]:
     """Corners and tubes of the part, and lines that stand for several blocks, with the tolerance in force there."""
     lo, hi = view.start - _BESIDE, pieces.end + _BESIDE
     places = [
@@ -376,14 +376,14 @@ def _measured_places(view: _View, pieces: _Pieces) -> tuple[list[Place], list[Pl
     return places, lines
 
 
-def _next(view: _View, pieces: _Pieces, part: Part) -> Cursor | None:
+def _next(view: _View, pieces: _FittedTubes, part: PathPart) -> Cursor | None:
     """The cursor at the end of a part."""
     if view.is_last:
         return None
     edges = view.edges
     block = int(np.searchsorted(edges, pieces.end + _BESIDE, side="right")) - 1
     knots = sum(tube.knots.size for tube in pieces.tubes)
-    wanted = part.run.row.size * _WANTED_KNOTS / knots if knots else _MOST_BLOCKS
+    wanted = part.run.row.size * _WANTED_KNOTS / knots if knots else _MAX_BLOCKS
     run = part.run
     first = int(np.searchsorted(run.curve.edges, run.length - _KEPT, side="right")) - 1
     return Cursor(
@@ -391,7 +391,7 @@ def _next(view: _View, pieces: _Pieces, part: Part) -> Cursor | None:
         offset=max(0.0, pieces.end - float(edges[block])),
         entry=pieces.tubes[-1].end_derivatives() if pieces.inside else None,
         rests=part.rests,
-        blocks=int(np.clip(wanted, _FEWEST_BLOCKS, _MOST_BLOCKS)),
+        blocks=int(np.clip(wanted, _MIN_BLOCKS, _MAX_BLOCKS)),
         tail=run.pieces(max(first, 0), run.curve.kind.size),
         deferred=places_of(view.edges, view.own, pieces.junctions, pieces.tubes[-1:])[-1][2] if pieces.inside else 0.0,
     )

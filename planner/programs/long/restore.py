@@ -21,7 +21,7 @@ from planner.profile import FeedrateProfile, make_profile
 from planner.programs.long.done import Done
 from planner.programs.long.journal import Journal
 from planner.programs.long.run import Run
-from planner.programs.long.window import Kept, Planner, State
+from planner.programs.long.window import Kept, Planner, WindowStart
 from planner.programs.times import largest_share, times_at
 from planner.verify import check
 
@@ -48,10 +48,10 @@ class _Restored:
     """A window of the journal on its path: what is kept of it, the state behind it."""
 
     kept: Kept
-    after: State
+    after: WindowStart
 
 
-def restored(journal: Journal, planner: Planner) -> tuple[Done, State | None]:
+def restored(journal: Journal, planner: Planner) -> tuple[Done, WindowStart | None]:
     """Verify the windows of a journal.
 
     Returns
@@ -66,7 +66,7 @@ def restored(journal: Journal, planner: Planner) -> tuple[Done, State | None]:
     InputError
         Naming the file, if one is damaged, of another version, of other inputs, or says what does not follow.
     """
-    state: State | None = State(None, True, planner.path.start())
+    state: WindowStart | None = WindowStart(None, True, planner.path.start())
     saved = journal.state()
     if saved is None:
         return Done(), state
@@ -85,7 +85,7 @@ def restored(journal: Journal, planner: Planner) -> tuple[Done, State | None]:
         state = None if state.queue is None and state.cursor is None else planner.filled(state)
     _require_totals(journal, done, said)
     _require_state(journal, state, states, arrays)
-    return said, None if state is None else State.of(states, arrays)
+    return said, None if state is None else WindowStart.of(states, arrays)
 
 
 def _totals(journal: Journal, header: Mapping[str, Any]) -> Done:
@@ -103,7 +103,7 @@ def _totals(journal: Journal, header: Mapping[str, Any]) -> Done:
     return Done(**values)
 
 
-def _window(journal: Journal, planner: Planner, index: int, state: State, said: Done) -> _Restored:
+def _window(journal: Journal, planner: Planner, index: int, state: WindowStart, said: Done) -> _Restored:
     """Check one window on the path that begins in a state."""
     path, columns = journal.window_path(index), journal.window(index, _NAMES)
     queue = state.queue
@@ -183,7 +183,9 @@ def _require_totals(journal: Journal, done: Done, said: Done) -> None:
         )
 
 
-def _require_state(journal: Journal, state: State | None, header: Any, arrays: Mapping[str, NDArray[Any]]) -> None:
+def _require_state(
+    journal: Journal, state: WindowStart | None, header: Any, arrays: Mapping[str, NDArray[Any]]
+) -> None:
     """The state to go on from must be the one behind the last window."""
     if state is None or header is None:
         if state is not None or header is not None or arrays:

@@ -25,7 +25,7 @@ from planner.verify import Report, check
 
 _WINDOW = 8000  # intervals of a plan that are kept
 _SEVERAL = 3.0  # times stopping and getting up to speed again
-_LEAST_KEPT = 0.5  # of a window's length
+_MIN_KEPT = 0.5  # of a window's length
 _RESERVE = 5e-3  # of the limits, left unused from shortly before the end of what is kept
 _MARGIN = 2e-4
 _RESERVE_PIECES = 2  # from so many pieces before the end of what is kept
@@ -33,7 +33,7 @@ _ENDS = (0, 2, 4, 8)  # pieces after that, at which the kept part may end as wel
 
 
 @dataclass(frozen=True, eq=False)
-class State:
+class WindowStart:
     """From where a window begins.
 
     Attributes
@@ -96,7 +96,7 @@ class State:
         return out
 
     @classmethod
-    def of(cls, header: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> State:
+    def of(cls, header: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> WindowStart:
         """The state that header and arrays came from."""
         runs: dict[str, Run | None] = {"queue": None, "tail": None}
         for name, axes in header["axes"].items():
@@ -117,7 +117,7 @@ class Window:
     ``reserve_edge`` is the edge of the path from which on a reserve is left; ``ends_at_stop``: none is, all is kept.
     """
 
-    state: State
+    state: WindowStart
     path: Run
     ends_at_stop: bool
     reserve_edge: int
@@ -155,7 +155,7 @@ class Planner:
     path: PathSource
     limits: Limits
 
-    def plan(self, state: State) -> Window:
+    def plan(self, state: WindowStart) -> Window:
         """Plan the window that begins at a state."""
         state = self.filled(state)
         queue = state.queue
@@ -185,7 +185,7 @@ class Planner:
         curve = run.curve if feed <= run.feed.min() < np.inf else run.with_caps()
         return curve, self.limits.for_curve(curve).with_feed(feed)
 
-    def filled(self, state: State) -> State:
+    def filled(self, state: WindowStart) -> WindowStart:
         """Add parts of the path until there is enough for a window and what lies ahead of it."""
         while state.cursor is not None:
             queue = state.queue
@@ -229,7 +229,7 @@ class Planner:
         acceleration = min(acceleration, float(np.sqrt(feed * jerk)))
         return _SEVERAL * 2.0 * 0.5 * feed * (feed / acceleration + acceleration / jerk)
 
-    def end_of(self, state: State, queue: Run) -> tuple[int, bool]:
+    def end_of(self, state: WindowStart, queue: Run) -> tuple[int, bool]:
         """Piece before which the window ends, and whether the path rests there anyway."""
         size = queue.curve.kind.size
         count = np.cumsum(queue.intervals)
@@ -267,7 +267,7 @@ class Planner:
         return kept, self.plan(following)
 
     @staticmethod
-    def _reserve(state: State, end: float | None) -> list[tuple[float, float]]:
+    def _reserve(state: WindowStart, end: float | None) -> list[tuple[float, float]]:
         """Shares of the limits that a window leaves unused.
 
         One that begins with a feed cannot be slowed down as a whole to make up for what its limits are exceeded by between
@@ -279,22 +279,24 @@ class Planner:
     def _reserve_edge(self, run: Run) -> int:
         """Edge from which on a window leaves a reserve; its kept part ends ``_RESERVE_PIECES`` later or more."""
         edges = run.curve.edges
-        kept = max(run.length - self.ahead(run), _LEAST_KEPT * run.length)
+        kept = max(run.length - self.ahead(run), _MIN_KEPT * run.length)
         return max(int(np.searchsorted(edges, kept, side="right")) - 1 - _RESERVE_PIECES, 0)
 
-    def _after(self, window: Window, edge: int) -> State:
+    def _after(self, window: Window, edge: int) -> WindowStart:
         """The state behind a window that ends at an edge."""
         at_rest = edge == window.path.curve.kind.size
         return self.state_after(window.state, window.path, edge, window.profile, at_rest=at_rest)
 
     @staticmethod
-    def state_after(state: State, path: Run, edge: int, profile: FeedrateProfile, *, at_rest: bool) -> State:
+    def state_after(
+        state: WindowStart, path: Run, edge: int, profile: FeedrateProfile, *, at_rest: bool
+    ) -> WindowStart:
         """The state behind an edge of a path that was planned from a state."""
         queue = state.queue
         assert queue is not None
         size = queue.curve.kind.size
         node = int(_nodes_at(profile, path.curve.edges[[edge]])[0])
-        return State(
+        return WindowStart(
             queue=queue.pieces(edge, size) if edge < size else None,
             rests=state.rests,
             cursor=state.cursor,
@@ -325,7 +327,7 @@ class Planner:
 
     def kept_of(
         self,
-        state: State,
+        state: WindowStart,
         run: Run,
         profile: FeedrateProfile,
         report: Report,
@@ -349,7 +351,7 @@ class Planner:
             notes=self._notes_of(state, run, stopped=stopped),
         )
 
-    def _notes_of(self, state: State, run: Run, *, stopped: bool) -> tuple[str, ...]:
+    def _notes_of(self, state: WindowStart, run: Run, *, stopped: bool) -> tuple[str, ...]:
         """What is to be said of a window, whose path is the run."""
         if not stopped:
             return state.notes

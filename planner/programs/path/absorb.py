@@ -28,10 +28,10 @@ from numpy.typing import NDArray
 
 from planner.geometry.blend import BLEND_REACH
 from planner.programs.path.corner_sizes import rooms
-from planner.programs.path.corners import CORNER_TURN, SHARE_OF_BLOCK, chords
+from planner.programs.path.corners import CORNER_TURN, SHARE_OF_BLOCK, tangent_jumps
 from planner.programs.path.deviation import Programmed
 from planner.programs.path.measure import Place, Written
-from planner.programs.path.moves import Blocks
+from planner.programs.path.moves import MovingBlocks
 from planner.programs.reading.program import ARC, AXES, LINE, Program, rows_of
 from planner.types import FloatArray
 
@@ -87,7 +87,7 @@ class Absorbed:
         return [(float(self.edges[k]), float(self.edges[k + 1]), float(self.own[k])) for k in rows]
 
 
-def absorb(program: Program, blocks: Blocks) -> Absorbed:
+def absorb(program: Program, blocks: MovingBlocks) -> Absorbed:
     """Absorb the blocks inside the tolerance.
 
     Parameters
@@ -100,7 +100,7 @@ def absorb(program: Program, blocks: Blocks) -> Absorbed:
     stops = np.diff(halts[np.append(blocks.row, len(program))]) > 0
     moves = replace(rows_of(program, blocks.row), stop_after=stops, tolerance=blocks.tolerance)
     count = blocks.row.size
-    work = _Work(moves, blocks, blocks.tolerance, np.zeros(count), np.arange(count), blocks.programmed.edges)
+    work = _Absorbing(moves, blocks, blocks.tolerance, np.zeros(count), np.arange(count), blocks.programmed.edges)
     for number, share in enumerate(_SHARES):
         kept = _pass(work, share, beside=number == 0)
         if not kept.all():
@@ -125,32 +125,32 @@ def absorb(program: Program, blocks: Blocks) -> Absorbed:
 
 
 @dataclass(frozen=True, eq=False)
-class _Work:
+class _Absorbing:
     """The moves so far, with their tolerances and how far they are off; ``owner`` and ``place`` as in :class:`Absorbed`."""
 
     moves: Program
-    blocks: Blocks
+    blocks: MovingBlocks
     own: FloatArray
     cost: FloatArray
     owner: NDArray[np.intp]
     place: FloatArray
 
-    def replaced(self, moves: Program, cost: FloatArray, first: NDArray[np.intp], on: FloatArray) -> _Work:
+    def replaced(self, moves: Program, cost: FloatArray, first: NDArray[np.intp], on: FloatArray) -> _Absorbing:
         """Put other moves in place: each from ``first`` on to before the next stands for these.
 
         ``on`` says where on the new moves the old ones begin, as a share of their length.
         """
         own = np.minimum.reduceat(self.own, first)
         axes = np.isin(AXES, self.blocks.axes)
-        blocks = Blocks.of(replace(moves, tolerance=own), None, axes)
+        blocks = MovingBlocks.of(replace(moves, tolerance=own), None, axes)
         edges = blocks.programmed.edges
         row = np.repeat(np.arange(first.size), np.diff(np.append(first, self.own.size)))
         begins = np.append(edges[row] + on * np.diff(edges)[row], edges[-1])
         place = np.interp(self.place, self.blocks.programmed.edges, begins)
-        return _Work(moves, blocks, own, cost, row[self.owner], place)
+        return _Absorbing(moves, blocks, own, cost, row[self.owner], place)
 
 
-def _pass(work: _Work, share: float, *, beside: bool) -> NDArray[np.bool_]:
+def _pass(work: _Absorbing, share: float, *, beside: bool) -> NDArray[np.bool_]:
     """Which vertices stay, (k + 1,)."""
     from planner.programs.path import path_kernels as kernels
 
@@ -170,11 +170,11 @@ def _pass(work: _Work, share: float, *, beside: bool) -> NDArray[np.bool_]:
     rows = np.column_stack([length, np.where(small, bow, np.inf), blocks.feed, own, work.cost, alike])
     points = np.concatenate([moves.start[:1], moves.end])
     kept = np.empty(loose.size, dtype=np.uint8)
-    kernels.absorb(points, rows, loose.astype(np.uint8), share, kept)
+    kernels.absorb_runs(points, rows, loose.astype(np.uint8), share, kept)
     return kept.astype(np.bool_)
 
 
-def _measured(work: _Work, written: Program) -> FloatArray:
+def _measured(work: _Absorbing, written: Program) -> FloatArray:
     """How far the moves are off the blocks they stand for, at most, (k,), mm; no more than the passes know.
 
     A block of lines is cut where it leaves the slab between the ends of its line.  A part within is as far from the line as
@@ -237,14 +237,14 @@ def _bow(moves: Program, length: FloatArray) -> FloatArray:
     return out
 
 
-def _with_arcs_moved(work: _Work, share: float, *, beside: bool) -> _Work:
+def _with_arcs_moved(work: _Absorbing, share: float, *, beside: bool) -> _Absorbing:
     """Let an arc end where the next one begins, if what lies between them is small.
 
     An arc whose end is moved goes around the same centre, with a radius that changes a little: no point of it moves farther
     than its end.
     """
     moves, blocks, own, cost = work.moves, work.blocks, work.own, work.cost.copy()
-    turn = 2.0 * np.arcsin(np.minimum(0.5 * chords(blocks.programmed), 1.0))
+    turn = 2.0 * np.arcsin(np.minimum(0.5 * tangent_jumps(blocks.programmed), 1.0))
     corner = beside | (turn[:-1] > CORNER_TURN) | (turn[1:] > CORNER_TURN)
     length = moves.lengths
     arc = (moves.kind == ARC) & (_bow(moves, length) > share * own)
@@ -269,11 +269,11 @@ def _with_arcs_moved(work: _Work, share: float, *, beside: bool) -> _Work:
     return work.replaced(rows_of(replace(moves, end=end, sweep=sweep), stay), cost[stay], stay, on)
 
 
-def _loose(blocks: Blocks, own: FloatArray, *, beside: bool) -> NDArray[np.bool_]:
+def _loose(blocks: MovingBlocks, own: FloatArray, *, beside: bool) -> NDArray[np.bool_]:
     """Vertices that may be left out, (k + 1,)."""
     edges = blocks.programmed.edges
     length = np.diff(edges)
-    chord = chords(blocks.programmed)
+    chord = tangent_jumps(blocks.programmed)
     turn = 2.0 * np.arcsin(np.minimum(0.5 * chord, 1.0))
     corner = (turn > CORNER_TURN) & ~blocks.stop
     wanted = np.zeros(edges.size)
@@ -303,7 +303,7 @@ def _loose(blocks: Blocks, own: FloatArray, *, beside: bool) -> NDArray[np.bool_
     return loose
 
 
-def _joined(work: _Work, first: NDArray[np.intp]) -> _Work:
+def _joined(work: _Absorbing, first: NDArray[np.intp]) -> _Absorbing:
     """One move from each vertex that stays to the next; ``first`` are the moves that begin there."""
     moves, cost = work.moves, work.cost
     last = np.append(first[1:], cost.size) - 1

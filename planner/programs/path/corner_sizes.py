@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.geometry.blend import BLEND_REACH, Legs
-from planner.programs.path.corners import CORNER_TURN, LARGEST_TURN, chords
+from planner.programs.path.corners import CORNER_TURN, MAX_TURN, tangent_jumps
 from planner.programs.path.deviation import Programmed
 from planner.types import FloatArray
 
@@ -51,9 +51,9 @@ def rooms(
         Stops that the program demands.
     """
     low, high = np.minimum(left[:-1], left[1:]), np.minimum(own[:-1], own[1:])
-    chord = chords(programmed)
+    chord = tangent_jumps(programmed)
     turn = 2.0 * np.arcsin(np.minimum(0.5 * chord, 1.0))
-    at = np.flatnonzero((turn > CORNER_TURN) & (turn <= LARGEST_TURN) & ~stop & (low < high) & (low > 0.0))
+    at = np.flatnonzero((turn > CORNER_TURN) & (turn <= MAX_TURN) & ~stop & (low < high) & (low > 0.0))
     for first in range(0, at.size, _TOGETHER):
         some = at[first : first + _TOGETHER]
         before = programmed.legs.taken(some).from_point(np.diff(programmed.edges)[some], backwards=True)

@@ -42,7 +42,7 @@ from planner.geometry.differential import curvature_vector, norm
 from planner.programs.path.deviation import Programmed
 from planner.types import FloatArray
 
-LARGEST_TURN = np.deg2rad(150.0)
+MAX_TURN = np.deg2rad(150.0)
 CORNER_TURN = np.deg2rad(21.0)  # no round number, on which the last digit of an angle would decide
 SHARP_TURN = np.deg2rad(45.0)
 # A corner that keeps less of its size than this is left to the tube, where it is not sharp.
@@ -53,7 +53,7 @@ _SMALLEST = 1e-7  # size of a corner against the longer block, see above
 _WITHIN = 1.0 - 1e-9  # of the tolerance: rounding must not carry a corner beyond it
 _SMOOTH_TURN = 1e-9  # rad
 _SMOOTH_BEND = 1e-9  # relative jump of curvature, against curvature or 1 / length
-_SHRINK, _MOST_SHRINKS = 0.9, 40
+_SHRINK, _MAX_SHRINKS = 0.9, 40
 _PROBES = 33
 
 
@@ -119,7 +119,7 @@ def classify(
     bent = bend > _SMOOTH_BEND * np.maximum(largest, 1.0 / np.minimum(length[:-1], length[1:]))
     kind = np.where((turn > _SMOOTH_TURN) | bent, Junction.TUBE, Junction.SMOOTH).astype(np.int8)
     kind[turn > CORNER_TURN] = Junction.CORNER
-    kind[stop | (turn > LARGEST_TURN)] = Junction.STOP
+    kind[stop | (turn > MAX_TURN)] = Junction.STOP
     kind[(allowed <= 0.0) & (kind != Junction.SMOOTH)] = Junction.STOP
     # Where the exact mode begins or ends, a tube must not lead on, however straight the program goes on.
     kind[(tolerance[:-1] <= 0.0) != (tolerance[1:] <= 0.0)] = Junction.STOP
@@ -145,7 +145,7 @@ def classify(
     return junctions
 
 
-def chords(programmed: Programmed) -> FloatArray:
+def tangent_jumps(programmed: Programmed) -> FloatArray:
     """|t2 - t1| at the junctions, (m - 1,)."""
     before, after = (tangents(programmed, programmed.edges[1:-1], left=left)[0] for left in (True, False))
     return np.asarray(np.sqrt(np.sum((after - before) ** 2, axis=1)))
@@ -169,7 +169,7 @@ def _fit_to_arcs(programmed: Programmed, junctions: Junctions, allowed: FloatArr
     """Reduce the corners beside arcs until they keep the tolerance."""
     curved = programmed.legs.rates[:, 0] != 0.0
     at = np.flatnonzero((junctions.kind == Junction.CORNER) & (curved[:-1] | curved[1:]))
-    for _ in range(_MOST_SHRINKS):
+    for _ in range(_MAX_SHRINKS):
         if at.size == 0:
             return
         blends = blends_at(programmed, junctions, at)

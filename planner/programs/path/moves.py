@@ -16,7 +16,7 @@ from planner.types import FloatArray
 
 
 @dataclass(frozen=True, eq=False)
-class Blocks:
+class MovingBlocks:
     """The blocks that move, in the axes that move: rows of the program with a length."""
 
     row: NDArray[np.intp]
@@ -28,7 +28,7 @@ class Blocks:
     stop: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, program: Program, tolerance: float | None, moves: NDArray[np.bool_] | None = None) -> Blocks:
+    def of(cls, program: Program, tolerance: float | None, moves: NDArray[np.bool_] | None = None) -> MovingBlocks:
         """Take the moves as legs, in the axes that move or those of ``moves`` (3,)."""
         row = np.flatnonzero(program.lengths > 0.0)
         if not row.size:

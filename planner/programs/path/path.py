@@ -26,7 +26,7 @@ from planner.programs.path.absorb import Absorbed, absorb
 from planner.programs.path.corners import Junction, Junctions, blends_at, classify
 from planner.programs.path.deviation import Deviation
 from planner.programs.path.measure import Place, Written, largest_deviation
-from planner.programs.path.moves import Blocks, moving_axes
+from planner.programs.path.moves import MovingBlocks, moving_axes
 from planner.programs.path.stretch import Fitted, Stretch, fit
 from planner.programs.reading.noise import noise_amplitude
 from planner.programs.reading.program import Program
@@ -131,9 +131,9 @@ def program_path(program: Program, tolerance: float | None, limits: Limits) -> P
         if not np.isfinite(tolerance):
             raise InputError("tolerance = inf mm must be finite")
     limits = program.require_axes(limits)
-    given = Blocks.of(program, tolerance)
+    given = MovingBlocks.of(program, tolerance)
     absorbed = absorb(program, given)
-    blocks = Blocks.of(absorbed.program, None, moving_axes(program))
+    blocks = MovingBlocks.of(absorbed.program, None, moving_axes(program))
     written = absorbed.written(given.programmed)
     at = [limits.axes.index(axis) for axis in blocks.axes]
     rows: dict[str, Any] = {q.key: getattr(limits, q.key)[at] for q in AXIS}
@@ -165,7 +165,7 @@ class _Built:
     reasons: dict[int, str]
 
 
-def _build(blocks: Blocks, limits: Limits, share: float, room: FloatArray | None) -> _Built:
+def _build(blocks: MovingBlocks, limits: Limits, share: float, room: FloatArray | None) -> _Built:
     """Classify the junctions, fit the tubes, and put exact stops where one cannot be kept within tolerance.
 
     ``share`` is the part of the tolerance that the tubes may use, ``room`` what the corners may.
@@ -196,7 +196,9 @@ def _within(s: FloatArray, stretch: Stretch) -> NDArray[np.bool_]:
     return np.asarray((s > stretch.start) & (s < stretch.end))
 
 
-def _stretches(blocks: Blocks, junctions: Junctions, first: float = -np.inf, last: float = np.inf) -> list[Stretch]:
+def _stretches(
+    blocks: MovingBlocks, junctions: Junctions, first: float = -np.inf, last: float = np.inf
+) -> list[Stretch]:
     """Stretches that need a tube, between first and last."""
     edges = blocks.programmed.edges
     s = edges[1:-1]
@@ -230,7 +232,7 @@ def _stretches(blocks: Blocks, junctions: Junctions, first: float = -np.inf, las
     return out
 
 
-def _spacing(blocks: Blocks, junctions: Junctions) -> FloatArray:
+def _spacing(blocks: MovingBlocks, junctions: Junctions) -> FloatArray:
     """Knot spacing wanted at every junction."""
     length = np.diff(blocks.programmed.edges)
     allowed = np.minimum(blocks.tolerance[:-1], blocks.tolerance[1:])
@@ -239,7 +241,7 @@ def _spacing(blocks: Blocks, junctions: Junctions) -> FloatArray:
 
 
 def _with_arcs(
-    blocks: Blocks, spacing: FloatArray, at: FloatArray, start: float, end: float
+    blocks: MovingBlocks, spacing: FloatArray, at: FloatArray, start: float, end: float
 ) -> tuple[FloatArray, FloatArray]:
     """Add the spacing that arcs want, at their ends within the stretch and between."""
     edges, rates = blocks.programmed.edges, blocks.programmed.legs.rates
@@ -259,7 +261,9 @@ def _with_arcs(
     return s[order], spacings[order]
 
 
-def _assemble(blocks: Blocks, junctions: Junctions, tubes: list[Fitted]) -> tuple[ChainCurve, FloatArray, FloatArray]:
+def _assemble(
+    blocks: MovingBlocks, junctions: Junctions, tubes: list[Fitted]
+) -> tuple[ChainCurve, FloatArray, FloatArray]:
     """Chain the pieces: the curve, and its edges in u and in s."""
     edges = blocks.programmed.edges
     corners = np.flatnonzero(junctions.kind == Junction.CORNER)
@@ -341,7 +345,7 @@ def widest_piece(junctions: Junctions, tubes: list[Fitted]) -> float:
 
 
 def _report(
-    program: Program, made: tuple[Blocks, Absorbed, Blocks], built: _Built, found: Deviation, share: float
+    program: Program, made: tuple[MovingBlocks, Absorbed, MovingBlocks], built: _Built, found: Deviation, share: float
 ) -> ProgramPath:
     """Collect what belongs to a path: of the given blocks, what was absorbed, and the blocks that are left."""
     given, absorbed, blocks = made
@@ -386,7 +390,7 @@ def _report(
     )
 
 
-def _notes(absorbed: Absorbed, blocks: Blocks, built: _Built) -> tuple[str, ...]:
+def _notes(absorbed: Absorbed, blocks: MovingBlocks, built: _Built) -> tuple[str, ...]:
     """What a reader should know: blocks absorbed, noise in the blocks, and exact stops that nobody asked for."""
     program = absorbed.program
     notes = []
@@ -411,7 +415,7 @@ def _notes(absorbed: Absorbed, blocks: Blocks, built: _Built) -> tuple[str, ...]
     return tuple(notes)
 
 
-def _reason(blocks: Blocks, junctions: Junctions, reasons: dict[int, str], k: int) -> str:
+def _reason(blocks: MovingBlocks, junctions: Junctions, reasons: dict[int, str], k: int) -> str:
     """Why there is an exact stop at junction k."""
     if k in reasons:
         return reasons[k]

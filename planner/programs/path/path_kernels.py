@@ -211,7 +211,7 @@ def _slide(points, rows, loose, share, begin, end, kept):
 
 
 @njit(NOTHING(READ2, READ2, READ_FLAGS, F64, FLAGS), cache=True, error_model="numpy")
-def absorb(points, rows, loose, share, kept):
+def absorb_runs(points, rows, loose, share, kept):
     """Choose the vertices that stay.
 
     Between two vertices that are not loose, lines as long as possible within ``share`` of the tolerance replace the blocks;

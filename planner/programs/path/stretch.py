@@ -28,11 +28,11 @@ _REWEIGHTINGS = 1  # with the curve at hand, after the first solve
 _NARROWED = 0.999  # of the tolerance: the rows' half-width at first
 _WITHIN = 0.9998  # of the tolerance, measured at samples: the peaks between them are higher by less than the rest
 _A_LITTLE = 1.1
-_MOST_NARROWING = 0.5  # in one pass
+_MAX_NARROWING = 0.5  # in one pass
 _SHRINK = 0.95
 _ENTRY = 4.0  # tolerances after the start of a window: twice the tangential slip
 _DENSITY = 12  # samples between neighbouring knots
-_LEAST_SPEED = 0.1  # of the largest, in the weights
+_MIN_SPEED = 0.1  # of the largest, in the weights
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,7 +261,7 @@ def _spline_of(tube: Tube) -> Spline:
 def _weighted(tube: Tube, progress: _Progress) -> Tube:
     middle = 0.5 * (tube.knots[1:] + tube.knots[:-1])
     speed = np.interp(middle, progress.speed_at, progress.speed)
-    weight = (np.maximum(speed, _LEAST_SPEED * speed.max()) / speed.max()) ** 5
+    weight = (np.maximum(speed, _MIN_SPEED * speed.max()) / speed.max()) ** 5
     return replace(tube, weight=weight)
 
 
@@ -380,7 +380,7 @@ def _refine(
     little = little[peak]
     widened = np.union1d(rows, s[little])
     share = progress.narrowed(widened)
-    factor = np.maximum(_MOST_NARROWING, _NARROWED * _WITHIN * tolerance / away[little])
+    factor = np.maximum(_MAX_NARROWING, _NARROWED * _WITHIN * tolerance / away[little])
     np.minimum.at(share, np.searchsorted(widened, s[little]), progress.narrowed(s[little]) * factor)
     progress.narrowing_at, progress.narrowing = widened, share
     progress.extra = np.union1d(progress.extra, s[little])

@@ -157,7 +157,7 @@ def smoothest(tube: Tube) -> Spline:
     Where rounding stops the iteration early, the spline is the last iterate: inside the tube, and less smooth.
     """
     basis = basis_powers(tube.knots)
-    rows = _Rows.of(tube, basis)
+    rows = _TubeRows.of(tube, basis)
     objective = _objective(tube, basis)
     control = tube.initial.copy()
     fixed = _fix_ends(tube, control)
@@ -168,7 +168,7 @@ def smoothest(tube: Tube) -> Spline:
 
 
 @dataclass(frozen=True, eq=False)
-class _Rows:
+class _TubeRows:
     """Rows a_k of the tube, scaled to half-width 1: first control point, coefficients (m, 5 d), offsets a_k . c - r_k."""
 
     first: NDArray[np.int64]
@@ -177,7 +177,7 @@ class _Rows:
     dim: int
 
     @classmethod
-    def of(cls, tube: Tube, basis: FloatArray) -> _Rows:
+    def of(cls, tube: Tube, basis: FloatArray) -> _TubeRows:
         """Normals first, then the tangents."""
         dim = tube.point.shape[1]
         i = np.clip(np.searchsorted(tube.knots, tube.abscissa, side="right") - 1, 0, basis.shape[0] - 1)
@@ -271,7 +271,7 @@ def _fix_ends(tube: Tube, control: FloatArray) -> NDArray[np.intp]:
 
 
 def _interior_point(
-    tube: Tube, rows: _Rows, objective: FloatArray, control: FloatArray, fixed: NDArray[np.intp]
+    tube: Tube, rows: _TubeRows, objective: FloatArray, control: FloatArray, fixed: NDArray[np.intp]
 ) -> int:
     """Minimise over the control points in place; returns the number of iterations."""
     from planner.programs.path import path_kernels as kernels
@@ -285,7 +285,7 @@ def _interior_point(
     gradient = np.empty(size)
     kernels.apply_band(objective, x, gradient)
     value = rows.values(control)
-    state = _State.start(value, 0.5 * float(dot(gradient, x)))
+    state = _TubeIterate.start(value, 0.5 * float(dot(gradient, x)))
     for count in range(1, _MAX_ITERATIONS + 1):
         dual = gradient + rows.transposed(state.z1 - state.z2, size)
         dual[frozen] = 0.0
@@ -345,7 +345,7 @@ def _factor(band: FloatArray, frozen: NDArray[np.intp]) -> Callable[[FloatArray,
     return solve
 
 
-class _State:
+class _TubeIterate:
     """Slacks s1 = 1 + e - r and s2 = 1 + e + r, elastics e and the multipliers z1, z2, y of the rows, all positive."""
 
     def __init__(self, s1: FloatArray, s2: FloatArray, e: FloatArray, z1: FloatArray, z2: FloatArray, price: float):
@@ -354,7 +354,7 @@ class _State:
         self.y = np.full(e.size, price)
 
     @classmethod
-    def start(cls, value: FloatArray, cost: float) -> _State:
+    def start(cls, value: FloatArray, cost: float) -> _TubeIterate:
         """Strictly inside, complementarity the share of each row in the objective."""
         e = np.maximum(np.abs(value) - 0.9, 0.0) + 0.01
         mu = max(cost, 1e-8) / (2.0 * value.size)

@@ -24,7 +24,7 @@ _WIDEST = 3.0  # mm
 _GROWTH = 0.5
 _FEWEST = 8
 _NEAR = 0.1  # of the spacing
-_MOST_PARTS = 64
+_MAX_PARTS = 64
 _PARTS_PER_SPACING = 4.0
 
 
@@ -61,7 +61,7 @@ def place(start: float, end: float, at: FloatArray, spacing: FloatArray, pinned:
     np.minimum.at(least, first, wanted)
     least = _limited(s, least)
     gap = np.diff(s)
-    parts = np.clip(np.ceil(_PARTS_PER_SPACING * gap / np.minimum(least[:-1], least[1:])), 1, _MOST_PARTS).astype(int)
+    parts = np.clip(np.ceil(_PARTS_PER_SPACING * gap / np.minimum(least[:-1], least[1:])), 1, _MAX_PARTS).astype(int)
     index = np.repeat(np.arange(gap.size), parts)
     within = _graded(gap, least, parts, index)
     fine = np.append(s[index] + gap[index] * within, end)
@@ -113,7 +113,7 @@ def _graded(gap: FloatArray, spacing: FloatArray, parts: NDArray[np.intp], index
     forth = first[index] * np.expm1(_GROWTH * at) / _GROWTH
     back = gap[index] - last[index] * np.expm1(_GROWTH * ((one + other)[index] - at)) / _GROWTH
     closer = np.where(at <= one[index], forth, back) / gap[index]
-    return np.where((parts == _MOST_PARTS)[index], np.clip(closer, 0.0, 1.0), share)
+    return np.where((parts == _MAX_PARTS)[index], np.clip(closer, 0.0, 1.0), share)
 
 
 def _limited(s: FloatArray, spacing: FloatArray) -> FloatArray:

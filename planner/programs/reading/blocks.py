@@ -55,7 +55,7 @@ _REFUSED_LETTERS = {
 
 
 @dataclass(frozen=True, eq=False)
-class Column:
+class WordColumn:
     """The words with one letter, or of one modal group: value and index of the word, at every block."""
 
     given: Mask
@@ -76,9 +76,9 @@ class Blocks:
     line: IntArray
     first: IntArray
     of_word: IntArray
-    letters: dict[str, Column]
-    g: list[Column]
-    m: list[Column]
+    letters: dict[str, WordColumn]
+    g: list[WordColumn]
+    m: list[WordColumn]
 
     def any_of(self, names: str) -> Mask:
         """Blocks with a word of one of these letters."""
@@ -99,14 +99,14 @@ def sort_words(words: Words, faults: Faults) -> Blocks:
     value = words.value.copy()
     value[wide] = 0.0
 
-    def column(index: IntArray, numbers: FloatArray, twice: str) -> Column:
+    def column(index: IntArray, numbers: FloatArray, twice: str) -> WordColumn:
         block = of_word[index]
         again = index[1:][block[1:] == block[:-1]]
         faults.add(again, lambda place: twice.format(words.word(int(index[np.searchsorted(index, again[place]) - 1]))))
         given, at, word = np.zeros(first.size, dtype=bool), np.zeros(first.size), np.zeros(first.size, dtype=np.int64)
         # In reverse, so that of two words the first is kept.
         given[block], at[block[::-1]], word[block[::-1]] = True, numbers[index][::-1], index[::-1]
-        return Column(given, at, word)
+        return WordColumn(given, at, word)
 
     known = np.zeros(256, dtype=bool)
     known[list(b"GM%" + _VALUE_LETTERS.encode())] = True

@@ -46,7 +46,7 @@ from planner.programs.reading.blocks import (
     STOP,
     UNITS,
     Blocks,
-    Column,
+    WordColumn,
     sort_words,
 )  # fmt: skip
 from planner.programs.reading.program import ARC, AXES, LINE, RAPID, ZERO_LENGTH_MM, Event, Program, arc_lengths
@@ -84,7 +84,7 @@ def read_program(path: str | Path, *, start: Sequence[float] | None = None) -> P
         file = Path(path)
     except TypeError:
         raise InputError(f"{path!r} must be the path of a file") from None
-    state = _State(file.name)
+    state = _Reading(file.name)
     if start is not None:
         state.place(start)
     for words, problem in read_words(file):
@@ -96,7 +96,7 @@ def read_program(path: str | Path, *, start: Sequence[float] | None = None) -> P
 
 
 @dataclass
-class _State:
+class _Reading:
     """What one part of the file hands to the next, and the moves so far."""
 
     source: str
@@ -200,7 +200,7 @@ class _Moves:
         return cls(np.empty(0, dtype=np.int64), byte, point, point, byte, number, number, flag, number, number)
 
 
-def _read_part(words: Words, state: _State) -> None:
+def _read_part(words: Words, state: _Reading) -> None:
     """Read the words of some megabytes of text; the state goes on from there."""
     faults = Faults(words)
     if words.line.size:
@@ -263,7 +263,7 @@ def _check_words(blocks: Blocks) -> None:
     )
 
 
-def _check_end(blocks: Blocks, state: _State) -> None:
+def _check_end(blocks: Blocks, state: _Reading) -> None:
     """The %, and the end of the program: once, and nothing after it."""
     faults, mark, stop = blocks.faults, blocks.letters["%"], blocks.m[STOP]
     rows = np.arange(blocks.line.size)
@@ -311,7 +311,7 @@ def _check_motion(blocks: Blocks, modal: dict[int, IntArray]) -> IntArray:
 
 
 def _feeds(
-    blocks: Blocks, modal: dict[int, IntArray], unit: FloatArray, kind: IntArray, state: _State
+    blocks: Blocks, modal: dict[int, IntArray], unit: FloatArray, kind: IntArray, state: _Reading
 ) -> tuple[FloatArray, FloatArray]:
     """Feed at every block in mm/s (G94), and moves a second (G93; nan elsewhere)."""
     faults, f, mode = blocks.faults, blocks.letters["F"], modal[FEED_MODE]
@@ -331,7 +331,7 @@ def _feeds(
     return feed, np.where(cuts & ~per_minute & f.given, f.value / 60.0, np.nan)
 
 
-def _tolerances(blocks: Blocks, unit: FloatArray, state: _State) -> tuple[FloatArray, FloatArray]:
+def _tolerances(blocks: Blocks, unit: FloatArray, state: _Reading) -> tuple[FloatArray, FloatArray]:
     """P and Q of G64 at every block, mm; 0 and nan under G61 and G61.1."""
     path, p, q = blocks.g[PATH_MODE], blocks.letters["P"], blocks.letters["Q"]
     blend = path.value == 640
@@ -343,7 +343,7 @@ def _tolerances(blocks: Blocks, unit: FloatArray, state: _State) -> tuple[FloatA
 
 
 def _positions(
-    blocks: Blocks, modal: dict[int, IntArray], unit: FloatArray, kind: IntArray, state: _State
+    blocks: Blocks, modal: dict[int, IntArray], unit: FloatArray, kind: IntArray, state: _Reading
 ) -> FloatArray:
     """Programmed point before the first and after every block, (n + 1, 3), mm."""
     absolute = modal[DISTANCE] == 900
@@ -375,7 +375,7 @@ def _moves(
     kind: IntArray,
     programmed: FloatArray,
     columns: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
-    state: _State,
+    state: _Reading,
 ) -> tuple[Mask, _Moves]:
     """The moves that are long enough to be one, and at which blocks they are; the other lines go to the state."""
     from planner.programs.reading.reader_kernels import merge_short_moves
@@ -453,7 +453,7 @@ def _arcs(
     return arcs.centre, arcs.sweep
 
 
-def _add_events(blocks: Blocks, kept: Mask, state: _State) -> None:
+def _add_events(blocks: Blocks, kept: Mask, state: _Reading) -> None:
     """Note dwells, stops, tool changes and switches, in the order in which a controller acts on them."""
     letters, dwell = blocks.letters, blocks.g[DWELL]
     speed, tool = letters["S"], letters["T"]
@@ -463,7 +463,7 @@ def _add_events(blocks: Blocks, kept: Mask, state: _State) -> None:
         line, after = int(blocks.line[row]), int(moves[row]) - 1
         before = after - int(kept[row])
 
-        def text(*columns: Column, row: int = int(row)) -> str:
+        def text(*columns: WordColumn, row: int = int(row)) -> str:
             return " ".join(blocks.words.word(int(c.word[row])) for c in columns if c.given[row])
 
         change, spindle, coolant, stop = (blocks.m[k] for k in (CHANGE, SPINDLE, COOLANT, STOP))

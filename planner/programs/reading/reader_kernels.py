@@ -14,7 +14,7 @@ BYTES, INDICES, COUNTS, FLOATS = (types.Array(t, 1, "C") for t in (U8, I32, I64,
 BYTE, CHARACTER, NO_LETTER, NO_NUMBER, OPEN_COMMENT = 1, 2, 3, 4, 5
 
 # Digits beyond the 17th do not change a double; 10^22 is the largest power of ten that is one exactly.
-_LARGEST_MANTISSA = 10**17
+_MAX_MANTISSA = 10**17
 _POWERS = np.array([float(10**k) for k in range(23)])
 
 
@@ -44,7 +44,7 @@ def _number(text, j):
             dot = True
         else:
             digits += 1
-            if mantissa < _LARGEST_MANTISSA:
+            if mantissa < _MAX_MANTISSA:
                 mantissa = 10 * mantissa + (I64(text[j]) - 48)
                 decimals += dot
             else:

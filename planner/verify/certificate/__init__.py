@@ -133,7 +133,7 @@ def verify_bound(curve: Curve, limits: Limits, certificate: Certificate) -> Boun
     limits = require_limits(curve, limits)
     require_valid(certificate, curve)
     places = Places.of(curve)
-    sections = [_Section.of(curve, limits, certificate, k, places) for k in range(len(certificate.sections))]
+    sections = [_SectionOnCurve.of(curve, limits, certificate, k, places) for k in range(len(certificate.sections))]
     _require_tangent(curve, sections)
     scales = [section.scale() for section in sections]
     if certificate.periodic:  # the multipliers must still meet where the path closes
@@ -186,7 +186,7 @@ def verify_plan_bound(curve: Curve, limits: Limits, certificate: Certificate, pl
 
 
 @dataclass(frozen=True, eq=False)
-class _Section:
+class _SectionOnCurve:
     """A section of a certificate on its curve, laid out for the integral."""
 
     data: CertificateSection
@@ -196,7 +196,7 @@ class _Section:
     jumps: Flags  # whether the curvature jumps there
 
     @classmethod
-    def of(cls, curve: Curve, limits: Limits, certificate: Certificate, k: int, places: Places) -> _Section:
+    def of(cls, curve: Curve, limits: Limits, certificate: Certificate, k: int, places: Places) -> _SectionOnCurve:
         data = certificate.sections[k]
         jerk = [_motion(curve, name, JERK) for name in certificate.jerk_names]
         acceleration = [_motion(curve, name, ACCELERATION) for name in certificate.acceleration_names]
@@ -217,10 +217,10 @@ class _Section:
         load = float(self.path.parts.largest_load(s.interval, s.lower, s.upper).max())
         return 1.0 if load <= 1.0 else (1.0 - 8.0 * EPS) / load
 
-    def scaled(self, factor: float) -> _Section:
+    def scaled(self, factor: float) -> _SectionOnCurve:
         """Scale every multiplier."""
         path = SectionPath(self.path.curve, self.path.limits, self.path.parts.scaled(factor), self.path.speeds)
-        return _Section(self.data, path, self.stretches, self.joins, self.jumps)
+        return _SectionOnCurve(self.data, path, self.stretches, self.joins, self.jumps)
 
     def value(self) -> tuple[float, float]:
         """Lower bound on the time of the section but for a periodic seam, and what its quadrature may be off."""
@@ -284,7 +284,7 @@ def _motion(curve: Curve, name: str, quantity: Quantity) -> int:
     return names.index(name)
 
 
-def _require_tangent(curve: Curve, sections: Sequence[_Section]) -> None:
+def _require_tangent(curve: Curve, sections: Sequence[_SectionOnCurve]) -> None:
     """Refuse multipliers of tangential limits where the tip turns back: its arc length has no second derivative there."""
     linear = np.array([unit == "mm" for unit in curve.axis_units])
     used = any(section.path.parts.jerk[-1].any() or section.path.parts.acceleration[-1].any() for section in sections)
@@ -302,7 +302,7 @@ def _require_tangent(curve: Curve, sections: Sequence[_Section]) -> None:
             )
 
 
-def _closing(sections: Sequence[_Section], certificate: Certificate) -> float:
+def _closing(sections: Sequence[_SectionOnCurve], certificate: Certificate) -> float:
     """Price of the place where a periodic path closes."""
     first, last = sections[0], sections[-1]
     start, end = first.side(0), last.side(1)

@@ -29,14 +29,14 @@ _UP_TO_NODE = (_NODES[:, None] ** (_POWERS + 1) / (_POWERS + 1)) @ np.linalg.inv
 _WAY_MARGIN = 1e-6  # relative accuracy of the ways, which may only be too long
 _PART_MARGIN = 1e-7  # and of the way up to a node within a part, as a share of that part's way
 _TURN_MARGIN = 0.02  # the same, where an axis turns round within the part
-_LEAST_PARTS = 16.0  # of a stretch between two breaks of the curve
-_LARGEST_CHANGE = 0.5  # of log |dq/du| over a part
-_FOLLOWING, _MOST_PIECES, _MOST_PARTS = 8, 4096, 200_000  # rounds in which they are cut for it, of an interval, in all
+_MIN_PARTS = 16.0  # of a stretch between two breaks of the curve
+_MAX_CHANGE = 0.5  # of log |dq/du| over a part
+_FOLLOWING, _MAX_PIECES, _MAX_PARTS = 8, 4096, 200_000  # rounds in which they are cut for it, of an interval, in all
 _CLOSER = 10  # halvings of the interval next to a stop
 _TARGET = 1e-10  # of the integral: the disagreement to be reached
 _ROUNDS = 24
 _AT_ONCE = 4000  # parts; bounds the memory
-_MOST_OPEN = 8000  # parts; a certificate whose integrand is rough everywhere is paid with a large allowance
+_MAX_OPEN = 8000  # parts; a certificate whose integrand is rough everywhere is paid with a large allowance
 
 Nodes = tuple[PathPoints, IntArray, FloatArray]  # of parts: the path there, and the interval and r of each, flat
 
@@ -115,7 +115,7 @@ class SectionPath:
         with np.errstate(divide="ignore"):
             least = np.where(np.isfinite(cap), cap, np.inf) ** -0.5
         weights = _WEIGHTS * self.lengths(stretches)[:, None]
-        value = np.sum(weights * smallest(w, g, cap).reshape(weights.shape), axis=1)
+        value = np.sum(weights * min_integrand(w, g, cap).reshape(weights.shape), axis=1)
         return value, np.sum(weights * least.reshape(weights.shape), axis=1)
 
     def terms(self, points: PathPoints, i: IntArray, r: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -152,7 +152,7 @@ class SectionPath:
             with np.errstate(invalid="ignore"):
                 apart = np.abs(pairs.sum(axis=1) - whole)
             open_ = (apart > share) & (last > 1) & np.isfinite(apart)
-            open_ &= np.count_nonzero(open_) <= _MOST_OPEN
+            open_ &= np.count_nonzero(open_) <= _MAX_OPEN
             found += float(np.sum(pairs[~open_]))
             doubt += float(np.sum(apart[~open_]))
             if not open_.any():
@@ -184,7 +184,7 @@ class SectionPath:
         return np.asarray(np.abs(first) @ _WEIGHTS * self.lengths(stretches))
 
 
-def smallest(w: FloatArray, g: FloatArray, cap: FloatArray) -> FloatArray:
+def min_integrand(w: FloatArray, g: FloatArray, cap: FloatArray) -> FloatArray:
     """Smallest w x^(-1/2) + g x over 0 < x <= cap, for w >= 0; -inf where nothing caps x and g < 0."""
     w = np.maximum(w, 0.0)  # negative by rounding at most
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -203,7 +203,7 @@ def lay_out(path: SectionPath, rests: tuple[bool, bool], breaks: FloatArray, jum
     parts = path.parts
     count = parts.h.size
     stretch = np.searchsorted(breaks, 0.5 * (parts.u[0] + parts.u[1]))
-    pieces = np.ceil(_LEAST_PARTS / np.bincount(stretch)[stretch]).astype(np.intp)
+    pieces = np.ceil(_MIN_PARTS / np.bincount(stretch)[stretch]).astype(np.intp)
     near = np.full((2, _CLOSER, count), np.nan)
     shares = 0.5 ** np.arange(1, _CLOSER + 1)
     if rests[0]:
@@ -219,10 +219,10 @@ def lay_out(path: SectionPath, rests: tuple[bool, bool], breaks: FloatArray, jum
         bare = Stretches(interval, lower, upper, nothing, nothing > 0.0)
         points, i, r = path.points(bare)
         more = np.ones(count)
-        np.maximum.at(more, interval, np.ceil(_change(points.first / parts.coordinate(i, r)[1]) / _LARGEST_CHANGE))
-        if (more == 1.0).all() or lower.size > _MOST_PARTS:
+        np.maximum.at(more, interval, np.ceil(_change(points.first / parts.coordinate(i, r)[1]) / _MAX_CHANGE))
+        if (more == 1.0).all() or lower.size > _MAX_PARTS:
             break
-        pieces = np.minimum(pieces * np.minimum(more, _MOST_PIECES), _MOST_PIECES).astype(np.intp)
+        pieces = np.minimum(pieces * np.minimum(more, _MAX_PIECES), _MAX_PIECES).astype(np.intp)
     first = points.first.reshape(motions, -1, _NODES.size)
     way = path.ways(bare, points)
     total = np.cumsum(way, axis=1)

@@ -22,7 +22,7 @@ from planner import (
 )
 from planner.geometry.tolerance import PathTolerance
 from planner.programs.path.deviation import deviation
-from planner.programs.path.moves import Blocks
+from planner.programs.path.moves import MovingBlocks
 from planner.programs.path.path import program_path
 
 SLOTS = PROGRAMS / "slots.ngc"
@@ -258,7 +258,7 @@ class TestNgc:
     def test_arcs_become_lines_within_the_tolerance(self, run, tmp_path):
         out = tmp_path / "out.ngc"
         assert run("ngc", SLOTS, "--tolerance-mm", "0.01", "-o", out)[0] == 0
-        blocks = Blocks.of(read_program(SLOTS), 0.01)
+        blocks = MovingBlocks.of(read_program(SLOTS), 0.01)
         written = read_program(out)
         limits = drives(dim=3)
         path = program_path(written, 1e-3, limits)  # follows the written lines within 1 um

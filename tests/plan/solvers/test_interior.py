@@ -19,7 +19,7 @@ FREE = np.inf
 
 
 def solved(problem, **options):
-    return optimal.solve(problem, optimal.start_from(problem, problem.guess), **options)
+    return optimal.solve_interior(problem, optimal.start_from(problem, problem.guess), **options)
 
 
 def states(problem, solution):
@@ -219,9 +219,9 @@ def test_another_start_leads_to_the_same_optimum():
     problem = PROBLEMS["teardrop"]()
     reference = solved(problem, tolerance=1e-7).time
     for guess in (np.full(problem.guess.size, 1e-3), problem.guess * np.linspace(0.2, 1.0, problem.guess.size)):
-        assert optimal.solve(problem, optimal.start_from(problem, guess), tolerance=1e-7).time == pytest.approx(
-            reference, rel=1e-6
-        )
+        assert optimal.solve_interior(
+            problem, optimal.start_from(problem, guess), tolerance=1e-7
+        ).time == pytest.approx(reference, rel=1e-6)
 
 
 @pytest.mark.parametrize("name", ["teardrop", "feeds at the ends", "closed", "circle"])

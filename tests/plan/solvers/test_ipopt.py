@@ -18,8 +18,8 @@ from planner.verify import check
 
 
 def both(problem):
-    ours = optimal.solve(problem, optimal.start_from(problem, problem.guess), tolerance=1e-8)
-    return ours, nlp.solve(problem)
+    ours = optimal.solve_interior(problem, optimal.start_from(problem, problem.guess), tolerance=1e-8)
+    return ours, nlp.solve_nlp(problem)
 
 
 @pytest.mark.parametrize("seed", range(32))
@@ -84,14 +84,14 @@ def test_reference_plans_keep_every_limit():
 def test_contradicting_ends_are_told_in_ipopts_words():
     curve = NurbsCurve([[0.0, 0.0], [1.0, 0.0]], [0, 0, 1, 1], 1)
     with pytest.raises(SolverError, match=r"IPOPT stopped after .* iterations: .*; try another number of intervals"):
-        nlp.solve(problem_of(curve, MILL, 40, start=90.0, end=5.0))
+        nlp.solve_nlp(problem_of(curve, MILL, 40, start=90.0, end=5.0))
 
 
 def test_steps_that_ipopt_takes_back_are_no_words_to_the_user(capfd):
     """On its way it tries squares of speeds below 0, whose roots are no numbers."""
     curve = NurbsCurve([[0.0, 0.0], [0.2, 0.0]], [0, 0, 1, 1], 1)
     with pytest.raises(SolverError, match="Infeasible"):
-        nlp.solve(problem_of(curve, MILL, 24, start=60.0))
+        nlp.solve_nlp(problem_of(curve, MILL, 24, start=60.0))
     assert capfd.readouterr() == ("", "")
 
 

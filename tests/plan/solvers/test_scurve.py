@@ -18,7 +18,7 @@ from planner.law import TimeLaw
 from planner.machine.limits import Limits, feedrate_limits
 from planner.machine.machine_file import load_limits
 from planner.plan.solvers.arcpath import used_exactly
-from planner.plan.solvers.scurve import plan_section
+from planner.plan.solvers.scurve import plan_scurve
 from planner.profile import make_profile
 from planner.verify import check
 
@@ -33,12 +33,12 @@ TIMES = {
 
 
 def plan(curve, limits, start_feed=0.0, end_feed=0.0):
-    nodes = plan_section(curve, limits, *curve.domain, start_feed, end_feed)
+    nodes = plan_scurve(curve, limits, *curve.domain, start_feed, end_feed)
     return make_profile(curve, limits, TimeLaw(*nodes), method="scurve")
 
 
 def duration(curve, limits, start_feed=0.0, end_feed=0.0):
-    return plan_section(curve, limits, *curve.domain, start_feed, end_feed)[0][-1]
+    return plan_scurve(curve, limits, *curve.domain, start_feed, end_feed)[0][-1]
 
 
 def ramp_time(change, acceleration, jerk):
@@ -81,7 +81,7 @@ def test_line_takes_the_time_of_the_closed_form(length):
 
 def test_line_of_a_hundred_kilometres():
     curve = line(1e8, 0.0)
-    nodes = plan_section(curve, MILL, 0.0, 1.0, 0.0, 0.0)
+    nodes = plan_scurve(curve, MILL, 0.0, 1.0, 0.0, 0.0)
     assert nodes[0][-1] == pytest.approx(shortest_time(1e8, 0, 0, 100.0, 1000.0, 20000.0), rel=1e-12)
     assert used_exactly(curve, MILL, nodes)[0].max() <= 1.0 + 1e-9
 
@@ -180,7 +180,7 @@ def test_random_nurbs_hold_every_limit(seed, degree, dim):
 
 def test_plan_sped_up_by_half_a_percent_fails_the_check():
     curve = load_curve("teardrop")
-    t, u, rate, acceleration = plan_section(curve, MILL.with_feed(300.0), 0.0, 1.0, 0.0, 0.0)
+    t, u, rate, acceleration = plan_scurve(curve, MILL.with_feed(300.0), 0.0, 1.0, 0.0, 0.0)
     faster = t / 1.005, u, rate * 1.005, acceleration * 1.005**2
     assert not check(curve, MILL.with_feed(300.0), make_profile(curve, MILL, TimeLaw(*faster), method="scurve")).ok
     assert used_exactly(curve, MILL.with_feed(300.0), faster)[0].max() > 1.004
@@ -199,7 +199,7 @@ def test_own_measure_agrees_with_the_independent_check():
 
 def test_nodes_follow_the_path_and_double_where_the_parametrisation_jumps():
     curve = load_curve("circle")
-    t, u, rate, acceleration = plan_section(curve, MILL, *curve.domain, 0.0, 0.0)
+    t, u, rate, acceleration = plan_scurve(curve, MILL, *curve.domain, 0.0, 0.0)
     assert (t[0], u[0], u[-1]) == (0.0, *curve.domain)
     assert (np.diff(t) >= 0.0).all()
     assert (np.diff(u) >= 0.0).all()
@@ -213,11 +213,11 @@ def test_nodes_follow_the_path_and_double_where_the_parametrisation_jumps():
 def test_section_of_a_path_with_a_corner():
     curve = NurbsCurve([[0, 0], [10, 0], [10, 5]], [0, 0, 0.5, 1, 1], 1, name="corner")
     for ends, length in (((0.0, 0.5), 10.0), ((0.5, 1.0), 5.0)):
-        t, u, rate, _ = plan_section(curve, MILL, *ends, 0.0, 0.0)
+        t, u, rate, _ = plan_scurve(curve, MILL, *ends, 0.0, 0.0)
         assert t[-1] == pytest.approx(shortest_time(length, 0, 0, 100.0, 1000.0, 20000.0), rel=1e-9)
         assert (u[0], u[-1], rate[0], rate[-1]) == (*ends, 0.0, 0.0)
     with pytest.raises(InputError, match=r"corner at u = 0\.5 must be an exact stop"):
-        plan_section(curve, MILL, 0.0, 1.0, 0.0, 0.0)
+        plan_scurve(curve, MILL, 0.0, 1.0, 0.0, 0.0)
 
 
 # ---- curvature jumps -------------------------------------------------------------------------------------------------

@@ -22,7 +22,7 @@ from planner.programs.long import parts, window
 from planner.programs.long.parts import PathSource
 from planner.programs.long.windows import plan_program
 from planner.programs.path.deviation import deviation
-from planner.programs.path.moves import Blocks, moving_axes
+from planner.programs.path.moves import MovingBlocks, moving_axes
 from planner.programs.path.path import program_path
 
 BUTTERFLY, SLOTS = PROGRAMS / "butterfly_5000.ngc", PROGRAMS / "slots.ngc"
@@ -57,8 +57,8 @@ def shorten_windows(monkeypatch):
     """Windows of a few hundred intervals, parts of a few hundred blocks."""
     monkeypatch.setattr(window, "_WINDOW", 300)
     monkeypatch.setattr(parts, "_FIRST_BLOCKS", 1200)
-    monkeypatch.setattr(parts, "_MOST_BLOCKS", 1200)
-    monkeypatch.setattr(parts, "_FEWEST_BLOCKS", 600)
+    monkeypatch.setattr(parts, "_MAX_BLOCKS", 1200)
+    monkeypatch.setattr(parts, "_MIN_BLOCKS", 600)
 
 
 def test_butterfly_loses_little_and_joins_smoothly(tmp_path, short_windows):
@@ -389,7 +389,7 @@ def test_parts_cut_inside_a_tube_join_smoothly_and_within_tolerance(short_window
     assert count >= 3
     assert run.curve.breaks == ()  # C2 with a bounded third derivative, and here even that goes on
     assert run.row.tolist() == list(range(2600))
-    blocks = Blocks.of(source, 0.01)
+    blocks = MovingBlocks.of(source, 0.01)
     found = deviation(run.curve, blocks.programmed, run.curve.edges, run.s, 2.0)
     assert 5e-3 < found.largest <= 1e-2
 
@@ -397,8 +397,8 @@ def test_parts_cut_inside_a_tube_join_smoothly_and_within_tolerance(short_window
 def test_parts_of_corners_are_the_whole_path(monkeypatch):
     """Cut between corners, a path does not depend on where."""
     monkeypatch.setattr(parts, "_FIRST_BLOCKS", 17)
-    monkeypatch.setattr(parts, "_MOST_BLOCKS", 17)
-    monkeypatch.setattr(parts, "_FEWEST_BLOCKS", 17)
+    monkeypatch.setattr(parts, "_MAX_BLOCKS", 17)
+    monkeypatch.setattr(parts, "_MIN_BLOCKS", 17)
     points = np.column_stack([7.0 * np.arange(80), 9.0 * (np.arange(80) % 2)])
     source = polyline(points)
     run, count = joined_parts(source_of(source))
@@ -412,7 +412,7 @@ def test_parts_of_corners_are_the_whole_path(monkeypatch):
 
 def test_a_straight_program_is_cut_between_blocks(monkeypatch):
     monkeypatch.setattr(parts, "_FIRST_BLOCKS", 300)
-    monkeypatch.setattr(parts, "_MOST_BLOCKS", 300)
+    monkeypatch.setattr(parts, "_MAX_BLOCKS", 300)
     source = polyline(np.column_stack([0.5 * np.arange(1201), np.zeros(1201)]))
     run, count = joined_parts(source_of(source))
     assert count >= 4

@@ -11,7 +11,7 @@ from planner import SolverError, check, plan_feedrate
 from planner.programs.long.windows import plan_program
 from planner.programs.path import absorb as absorbing
 from planner.programs.path.absorb import absorb
-from planner.programs.path.moves import Blocks
+from planner.programs.path.moves import MovingBlocks
 from planner.programs.path.path import program_path
 from planner.programs.times import line_times
 
@@ -126,7 +126,7 @@ def test_a_corner_is_as_large_as_the_tip_of_a_spike_allows(length):
 
     legs = polyline([(0.0, 0.0), (LEG, 0.0), (LEG, LEG)])
     written = polyline([(0.0, 0.0), (LEG + length, 0.0), (LEG, 0.0), (LEG, LEG)])
-    some, given = (Blocks.of(source, 0.01).programmed for source in (legs, written))
+    some, given = (MovingBlocks.of(source, 0.01).programmed for source in (legs, written))
     place = np.array([0.0, LEG, LEG, 2.0 * LEG])
     own, left = np.full(2, 0.01), np.full(2, 1e-4)
     found = rooms(some, given, place, own, left, np.array([False]))[0]
@@ -215,7 +215,7 @@ def test_distance_is_measured_against_the_blocks_as_written(monkeypatch):
     x = np.arange(60)
     points = np.column_stack([10.0 + 0.01 * x, 0.02 * (x % 2)])
     source = polyline([(0.0, 0.0), *points, (20.0, 0.0)])
-    blocks = Blocks.of(source, 0.01)
+    blocks = MovingBlocks.of(source, 0.01)
     assert absorb(source, blocks).largest > 0.01
     with pytest.raises(SolverError, match="leaves the tolerance"):
         program_path(source, 0.01, LIMITS)
@@ -244,7 +244,7 @@ def dense(start, end):
 def test_what_is_off_is_the_distance_between_the_lines_and_the_blocks(seed):
     """Both ways, by points close together on either; it is taken from the tolerance of the moves on which they lie."""
     source = steps_of_all_sizes(seed)
-    found = absorb(source, Blocks.of(source, 0.01))
+    found = absorb(source, MovingBlocks.of(source, 0.01))
     moves, off = found.program, found.own - found.program.tolerance
     assert found.largest == pytest.approx(off.max(), rel=1e-12)
     assert np.count_nonzero(off) > 10
@@ -261,18 +261,18 @@ def test_a_spike_beside_a_corner_is_off_by_nothing_or_its_length():
     """Back along the line it came from, or over the end of the line: of 4 um, at 10 um."""
     for length, wanted in ((-0.004, 0.0), (0.004, 0.004)):
         source = polyline([(0.0, 0.0), (LEG, 0.0), (LEG + length, 0.0), (LEG, 0.0), (LEG, LEG)])
-        assert absorb(source, Blocks.of(source, 0.01)).largest == pytest.approx(wanted, abs=1e-9)
+        assert absorb(source, MovingBlocks.of(source, 0.01)).largest == pytest.approx(wanted, abs=1e-9)
 
 
 def test_places_go_with_the_blocks():
     """Every vertex lies beside the point of the simpler program that goes with it, within the largest share."""
     source = steps_of_all_sizes(3)
-    blocks = Blocks.of(source, 0.01)
+    blocks = MovingBlocks.of(source, 0.01)
     found = absorb(source, blocks)
     assert 20 < len(found.program) < 190
     assert (np.diff(found.place) >= 0.0).all()
     assert (found.place[0], found.place[-1]) == (0.0, found.edges[-1])
-    left = Blocks.of(found.program, None).programmed
+    left = MovingBlocks.of(found.program, None).programmed
     points = np.concatenate([source.start[:1], source.end])[:, :2]
     away = np.sqrt(np.sum((left.at(found.place)[0] - points) ** 2, axis=1))
     assert found.largest <= away.max() <= 0.9 * 0.01
@@ -327,8 +327,8 @@ def test_windows_absorb_as_the_whole_does(tmp_path, monkeypatch):
     from planner.programs.long import parts
 
     monkeypatch.setattr(parts, "_FIRST_BLOCKS", 120)
-    monkeypatch.setattr(parts, "_MOST_BLOCKS", 120)
-    monkeypatch.setattr(parts, "_FEWEST_BLOCKS", 60)
+    monkeypatch.setattr(parts, "_MAX_BLOCKS", 120)
+    monkeypatch.setattr(parts, "_MIN_BLOCKS", 60)
     source = winding_with_dust()
     path, profile = planned(source, 0.01, PLANE)
     plan = plan_program(source, PLANE, 0.01, output=tmp_path / "plan.npz")

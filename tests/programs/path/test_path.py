@@ -14,7 +14,7 @@ from planner import CurveError, InputError, check, plan_feedrate
 from planner.geometry.chain import ChainCurve, Kind
 from planner.programs.path import stretch
 from planner.programs.path.deviation import deviation
-from planner.programs.path.moves import Blocks
+from planner.programs.path.moves import MovingBlocks
 from planner.programs.path.path import program_path
 from planner.programs.reading.reader import read_program
 
@@ -122,7 +122,7 @@ def test_a_planted_excursion_is_found():
     bump = np.array([0.0, 0.0, 16.0, -32.0, 16.0]) * 0.05  # flat at both ends
     spans[100] += np.outer([-along[1], along[0]], bump)
     moved = replace(path.curve, spans=spans)
-    blocks = Blocks.of(source, 1e-2)
+    blocks = MovingBlocks.of(source, 1e-2)
     whole = deviation(path.curve, blocks.programmed, path.u, blocks.programmed.edges, 5.0, density=4)
     planted = deviation(moved, blocks.programmed, path.u, blocks.programmed.edges, 5.0, density=4)
     assert whole.largest <= 1e-2

@@ -12,7 +12,7 @@ from certificates import pieces_of, smooth_certificate
 from planner.verify.certificate import verify_bound
 from planner.verify.certificate.atoms import end_term, seam, sides
 from planner.verify.certificate.pathspeeds import Bounds, path_points
-from planner.verify.certificate.quadrature import smallest
+from planner.verify.certificate.quadrature import min_integrand
 
 
 def motion(z):
@@ -135,9 +135,9 @@ class TestIdentity:
         rng = np.random.default_rng(1)
         w, g, cap = rng.uniform(0, 1, 200), rng.normal(size=200), 10.0 ** rng.uniform(-2, 2, 200)
         x = cap * np.linspace(0.0, 1.0, 20001)[1:, None] ** 2
-        np.testing.assert_allclose(smallest(w, g, cap), (w / np.sqrt(x) + g * x).min(axis=0), rtol=1e-6, atol=1e-6)
-        assert smallest(np.array([1.0]), np.array([-1e-30]), np.array([np.inf]))[0] == -np.inf
-        assert smallest(np.zeros(1), np.ones(1), np.ones(1))[0] == 0.0
+        np.testing.assert_allclose(min_integrand(w, g, cap), (w / np.sqrt(x) + g * x).min(axis=0), rtol=1e-6, atol=1e-6)
+        assert min_integrand(np.array([1.0]), np.array([-1e-30]), np.array([np.inf]))[0] == -np.inf
+        assert min_integrand(np.zeros(1), np.ones(1), np.ones(1))[0] == 0.0
 
 
 class TestQuadrature:
