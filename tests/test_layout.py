@@ -20,7 +20,7 @@ ELSEWHERE = {
     ),
     "feedplan/test_job.py": ("feedplan.sources",),
     "feedplan/test_page.py": ("feedplan.cli.report", "planner.output.traces"),
-    "geometry/test_curve.py": ("planner.geometry.fit",),
+    "geometry/test_curve.py": ("planner.geometry.continuity", "planner.geometry.fit"),
     "geometry/test_drawing.py": ("planner.geometry.chain", "planner.geometry.points"),
     "geometry/test_nurbs.py": ("planner.geometry.tape",),
     "interp/literature/test_lookahead.py": ("interp.literature.classic_kernels",),
@@ -41,6 +41,7 @@ ELSEWHERE = {
     "plan/test_knots.py": ("planner.plan.slow",),
     "plan/test_plan.py": ("planner.plan.chord_errors",),
     "plan/test_refine.py": ("planner.plan.stage",),
+    "plan/test_two_sided.py": ("planner.machine.limit_rows",),
     "plan/test_speed_law.py": ("planner.law",),
     "programs/long/test_windows.py": tuple(
         f"planner.programs.long.{name}" for name in ("done", "journal", "parts", "restore", "run", "window")
@@ -65,6 +66,8 @@ ELSEWHERE = {
 # Files that are named after no module, by what they are about.
 TOPICS = {
     "benchmarks": "the commands of the benchmarks",
+    "docs/test_docs.py": "pages, links, and what they say to type",
+    "docs/test_formats.py": "keys and columns on the pages of the file formats",
     "feedplan/cli/test_completion.py": "completion in a shell",
     "feedplan/cli/test_programs.py": "what a shop asks of a part program",
     "feedplan/test_tables.py": "results as tables and in two lines",
@@ -76,12 +79,14 @@ TOPICS = {
     "interp/literature/test_greedy_runs.py": "what runs report and refuse",
     "plan/test_extreme.py": "curves and machines at the edges of what is allowed",
     "plan/test_plan_ends.py": "ends of a plan",
+    "plan/test_two_sided.py": "rows whose bounds are not symmetric",
     "programs/reading/test_refusals.py": "programs that are refused",
     "programs/test_rapids.py": "rapids of a program, from the reader to the plan",
     "verify/test_defects.py": "planted defects",
     "verify/test_rotary.py": "rotary axes",
     "test_imports.py": "which room may import which",
     "test_layout.py": "this page",
+    "test_names.py": "one name for one thing",
     "test_mutations.py": "mutated files of every kind",
 }
 

@@ -39,7 +39,7 @@ _RAMP = 0.5  # periods: shorter than samples tell
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class GridRows:
     """Rows  lower <= r . (x, a[, c]) <= upper,  one for each limit.
 
     ``of (m,)``: the limits they are of, scaled as these say; ``r (m, 2 or 3, p)``: coefficients at the points.
@@ -56,13 +56,13 @@ class Rows:
         """Sizes (m, 2) of the upper and of the lower bound of the scaled rows."""
         return np.array([(upper, -lower) for lower, upper in (row.bounds for row in self.of)]).reshape(-1, 2)
 
-    def times(self, factor: FloatArray | float) -> Rows:
+    def times(self, factor: FloatArray | float) -> GridRows:
         """The same limits, tightened by factors of at least 1, (p,)."""
         return replace(self, r=np.ascontiguousarray(self.r * factor))
 
-    def with_more(self, other: Rows) -> Rows:
+    def with_more(self, other: GridRows) -> GridRows:
         """These and others."""
-        return Rows((*self.of, *other.of), np.concatenate([self.r, other.r]))
+        return GridRows((*self.of, *other.of), np.concatenate([self.r, other.r]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,9 +77,9 @@ class Constraints:
         Interval lengths; 0 between the two knots of a double one.
     cap : (2n - 1,) array
         Largest x at each point.
-    acceleration : Rows
+    acceleration : GridRows
         (alpha, beta) of the limits on accelerations.
-    jerk : Rows
+    jerk : GridRows
         r of the limits on jerks; their bounds are those of the rows times x^(-1/2).
     weight : (2n - 1,) array
         Simpson weights: the time is sum(weight * x^(-1/2)).
@@ -97,8 +97,8 @@ class Constraints:
 
     h: FloatArray
     cap: FloatArray
-    acceleration: Rows
-    jerk: Rows
+    acceleration: GridRows
+    jerk: GridRows
     weight: FloatArray
     start: float
     end: float
@@ -247,18 +247,18 @@ def speed_cap(limits: Limits, path: Path) -> FloatArray:
     return np.asarray(np.min(list(speed_limits(limits, path).values()), axis=0) ** 2)
 
 
-def acceleration_rows(limits: Limits, path: Path) -> Rows:
+def acceleration_rows(limits: Limits, path: Path) -> GridRows:
     """Rows (alpha, beta) of the limits on accelerations of the axes and of the tip's arc length, scaled."""
     of = tuple(row for row in limit_rows(limits) if row.order == ACCELERATION.order)
     found = [row.weights[1] * acceleration_terms(q[1], q[2]) / row.scale for row, q in _with_motions(of, path)]
-    return Rows(of, np.array(found).reshape(len(of), 2, path.curvature.size))
+    return GridRows(of, np.array(found).reshape(len(of), 2, path.curvature.size))
 
 
-def jerk_rows(limits: Limits, path: Path) -> Rows:
+def jerk_rows(limits: Limits, path: Path) -> GridRows:
     """Rows r of the limits on jerks of the axes and of the tip's arc length, scaled."""
     of = tuple(row for row in limit_rows(limits) if row.order == JERK.order)
     found = [row.weights[2] * jerk_terms(q[1], q[2], q[3]) / row.scale for row, q in _with_motions(of, path)]
-    return Rows(of, np.array(found).reshape(len(of), 3, path.curvature.size))
+    return GridRows(of, np.array(found).reshape(len(of), 3, path.curvature.size))
 
 
 def _with_motions(of: tuple[LimitRow, ...], path: Path) -> list[tuple[LimitRow, FloatArray]]:
@@ -266,7 +266,7 @@ def _with_motions(of: tuple[LimitRow, ...], path: Path) -> list[tuple[LimitRow, 
     return [(row, path.tip if row.along else path.axes[:, :, row.motion]) for row in of]
 
 
-def _ramp_rows(section: Section, limits: Limits, sigma: FloatArray, path: Path) -> Rows:
+def _ramp_rows(section: Section, limits: Limits, sigma: FloatArray, path: Path) -> GridRows:
     """Jerk rows, in the rest blends only, of axes that have an acceleration limit but none of the jerk.
 
     Such an axis may leave a stop at full acceleration, but the law of a plan begins with none: without a ramp its quintic
@@ -279,10 +279,10 @@ def _ramp_rows(section: Section, limits: Limits, sigma: FloatArray, path: Path) 
     found = [
         jerk_terms(q[1], q[2], q[3]) * blends * _RAMP * limits.period / row.scale for row, q in _with_motions(of, path)
     ]
-    return Rows(of, np.array(found).reshape(len(of), 3, sigma.size))
+    return GridRows(of, np.array(found).reshape(len(of), 3, sigma.size))
 
 
-def _soften_jumps(section: Section, limits: Limits, grid: Grid, path: Path, cap: FloatArray, rows_j: Rows) -> None:
+def _soften_jumps(section: Section, limits: Limits, grid: Grid, path: Path, cap: FloatArray, rows_j: GridRows) -> None:
     """Lower the cap at curvature jumps, and the jerk that is left beside them."""
     first = grid.left[np.searchsorted(grid.u[grid.left], [b.u for b in section.jumps])]
     # The tip's arc length bends with the axes where these are weighted: sigma is that of the machine axes.

@@ -14,7 +14,7 @@ from planner.law import TimeLaw
 from planner.machine.limit_rows import LimitRow, limit_rows
 from planner.machine.limits import Limits
 from planner.plan import plan_feedrate
-from planner.plan.rows import Rows
+from planner.plan.rows import GridRows
 from planner.plan.sensitivity import SpeedBound, saved_by_one_percent
 from planner.plan.solvers import interior, ipopt
 from planner.plan.utilisation import utilisation
@@ -28,12 +28,12 @@ def both(problem):
     return ours, ipopt.solve(problem)
 
 
-def tilted(rows: Rows, up: float, down: float) -> Rows:
+def tilted(rows: GridRows, up: float, down: float) -> GridRows:
     """The same rows with the bounds up and -down in place of 1 and -1."""
     return replace(rows, of=tuple(replace(row, lower=-down * row.scale, upper=up * row.scale) for row in rows.of))
 
 
-def mirrored(rows: Rows) -> Rows:
+def mirrored(rows: GridRows) -> GridRows:
     """The same limits on the negative of each row."""
     of = tuple(replace(row, lower=-row.upper, upper=-row.lower) for row in rows.of)
     return replace(rows, of=of, r=-rows.r)
@@ -71,7 +71,7 @@ def test_a_multiplier_belongs_to_the_limit_its_row_names():
         return saved_by_one_percent(solution.iterate, bound)
 
     def turned(rows):
-        return Rows(rows.of[::-1], np.ascontiguousarray(rows.r[::-1]))
+        return GridRows(rows.of[::-1], np.ascontiguousarray(rows.r[::-1]))
 
     first = worth(plain)
     second = worth(replace(plain, acceleration=turned(plain.acceleration), jerk=turned(plain.jerk)))

@@ -28,7 +28,7 @@ from planner.law import TimeLaw
 from planner.machine.limits import COMMANDS, Limits, command_kind
 from planner.plan.ends import Feed, feed_at
 from planner.plan.knots import FeedGuess, Grid, guess_feed, place_knots, with_blends
-from planner.plan.rows import Rows, acceleration_rows, path_at, speed_limits
+from planner.plan.rows import GridRows, acceleration_rows, path_at, speed_limits
 from planner.plan.section import Section
 from planner.plan.utilisation import Utilisation, utilisation
 from planner.quantity import CHORD_ERROR, FEED
@@ -68,7 +68,7 @@ class _SpeedGrid:
     u: FloatArray
     rate: FloatArray
     offset: FloatArray
-    rows: Rows
+    rows: GridRows
     speeds: dict[str, FloatArray]
     command: NDArray[np.int8]
     margin: FloatArray
