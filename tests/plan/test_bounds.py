@@ -330,7 +330,7 @@ def test_a_bound_whose_coordinate_does_not_grow_is_none(monkeypatch):
     curve = case.curve()
     profile = plan_feedrate(curve, case.limits)
     assert 0.9999 * profile.duration < profile.lower_bound <= profile.duration
-    place, look = bounds.place_knots, bounds.scan
+    place, look = bounds.place_knots, bounds.guess_feed
     monkeypatch.setattr(bounds, "place_knots", lambda *given, **_follow: place(*given))
     monkeypatch.setattr(bounds, "guess_feed", lambda *given, **_follow: look(*given))
     with pytest.raises(

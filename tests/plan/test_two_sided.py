@@ -24,8 +24,8 @@ INF = np.inf
 
 
 def both(problem):
-    ours = interior.solve(problem, interior.start_from(problem, problem.guess), tolerance=1e-8)
-    return ours, ipopt.solve(problem)
+    ours = interior.solve_interior(problem, interior.start_from(problem, problem.guess), tolerance=1e-8)
+    return ours, ipopt.solve_nlp(problem)
 
 
 def tilted(rows: GridRows, up: float, down: float) -> GridRows:
@@ -67,7 +67,7 @@ def test_a_multiplier_belongs_to_the_limit_its_row_names():
     bound = SpeedBound(names, np.zeros(plain.cap.size, dtype=np.int8), np.ones(plain.cap.size, dtype=np.float32))
 
     def worth(problem):
-        solution = interior.solve(problem, interior.start_from(problem, problem.guess), tolerance=1e-9)
+        solution = interior.solve_interior(problem, interior.start_from(problem, problem.guess), tolerance=1e-9)
         return saved_by_one_percent(solution.iterate, bound)
 
     def turned(rows):
