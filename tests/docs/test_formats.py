@@ -19,13 +19,15 @@ from planner import load_curve, load_limits, plan_feedrate, write_table
 from planner.errors import InputError
 from planner.geometry import catalog
 from planner.machine.machine_file import _file_models
+from planner.output.table import _KEYS
+from planner.output.table_header import OPTIONAL_KEYS
 from planner.programs.reading.blocks import _G_WORDS, _M_WORDS, _VALUE_LETTERS
 from planner.status import Status
 
 SLOTS = str(PROGRAMS / "slots.ngc")
 STOPS = str(PROGRAMS / "stops.ngc")
 ALWAYS = "always"
-TABLES = (("teardrop", "XY"), ("flank", "XYZAC"), ("slots", "XY"), ("slowed", "XY"))
+TABLES = (("teardrop", "XY"), ("flank", "XYZAC"), ("slots", "XY"), ("slowed", "XY"), ("weighed", "XY"))
 
 
 def rows(page, name):
@@ -73,6 +75,8 @@ def files(tmp_path_factory):
     limits = load_limits("mill").for_curve(curve)
     plan = replace(plan_feedrate(curve, limits, intervals=100), slowed=((0, 1.5),))
     write_table(folder / "slowed.csv", plan, limits)
+    part = load_curve(SLOTS)
+    write_table(folder / "weighed.csv", plan_feedrate(part, load_limits("mill").for_curve(part)), limits)
     return folder
 
 
@@ -128,6 +132,7 @@ def test_header_of_the_table(files):
     """Every line that any table has, and which all of them have."""
     found = [generic(header(files / f"{name}.csv"), axes) for name, axes in TABLES]
     agree("format-table", "header", found)
+    assert {*_KEYS, *OPTIONAL_KEYS} <= set(names("format-table", "header"))
 
 
 def test_words_of_the_status():
