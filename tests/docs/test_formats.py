@@ -262,6 +262,13 @@ def test_json_of_other_commands(files, json_of):
                            json_of("compare", "teardrop", "--methods", "scurve,optimal")])  # fmt: skip
 
 
+def test_json_of_the_named_curves(json_of):
+    """A key for each curve, and its facts."""
+    found = json_of("curves")
+    assert tuple(found) == catalog.CATALOG
+    agree_json("curves", [{"{curve}": facts} for facts in found.values()])
+
+
 def agree_json(table, found):
     """As ``agree``, of nested keys; a list without entries has those that the page names."""
     listed = set(names("format-json", table))
@@ -269,6 +276,7 @@ def agree_json(table, found):
     for facts in found:
         keys = {re.sub(r"^(held_back_by|saved_by_one_percent_s)\..*", r"\1.{limit}", key) for key in dotted(facts)}
         keys = {re.sub(r"^checks\.(plan|samples)\[\]", "checks.{which}[]", key) for key in keys}
+        keys = {re.sub(r"\.breaks\.G\d$", ".breaks.{order}", key) for key in keys}
         sets.append({key for key in keys if key in listed or not any(one.startswith(f"{key}.") for one in listed)})
     agree("format-json", table, sets)
 
