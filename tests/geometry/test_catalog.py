@@ -288,7 +288,9 @@ class TestBadFiles:
             load_curve("x" * 5000 + ".json")
         with pytest.raises(CurveError, match=r"neither a \.json, \.toml, \.dxf, \.csv or \.ngc file nor a name"):
             load_curve(tmp_path / "none")
-        with pytest.raises(CurveError, match=r"is a directory; give a \.json, \.toml, \.dxf or \.csv file or a name"):
+        with pytest.raises(
+            CurveError, match=r"is a directory; give a \.json, \.toml, \.dxf, \.csv or \.ngc file or a name"
+        ):
             load_curve(tmp_path)
 
     @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no named pipes")
