@@ -105,7 +105,7 @@ def require_report(path: str | Path) -> None:
 
 
 def _version() -> str:
-    from planner import __version__
+    from planner.version import __version__
 
     return __version__
 

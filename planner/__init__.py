@@ -16,6 +16,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING
 
+from planner.version import __version__ as __version__
+
 if TYPE_CHECKING:
     from feedplan.page import write_report
     from planner.errors import (
@@ -92,7 +94,6 @@ __all__ = [
     "write_table",
 ]
 
-__version__ = "0.1.0"
 
 _HOME = {
     "feedplan.page": ("write_report",),  # of the door above; scripts that take it from here keep working
