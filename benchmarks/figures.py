@@ -33,7 +33,7 @@ from feedplan.job import Job
 from interp.literature.greedy import PUBLISHED_COUNTS, GreedyRun, greedy
 from planner import load_curve
 from planner.geometry.curve import Curve
-from planner.machine.limits import feedrate_limits
+from planner.machine.feed_limits import feedrate_limits
 from planner.output.panels import Line, Panel, plot_panels
 from planner.output.plots import save_plot
 from planner.profile import Samples

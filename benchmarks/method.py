@@ -34,8 +34,9 @@ from planner.plan.dual.problem import Pace, best_splines, problem_of
 from planner.plan.dual.terms import Track
 from planner.plan.ends import REST, Feed
 from planner.plan.knots import guess_feed, place_knots, with_blends
+from planner.plan.rest_map import BLEND_LENGTH
 from planner.plan.rows import Constraints, build
-from planner.plan.section import BLEND_LENGTH, Section, cut
+from planner.plan.section import Section, cut
 from planner.plan.solvers import interior as optimal
 from planner.plan.solvers.interior import Iterate
 from planner.plan.stage import Attempt, Stage, Task

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from planner.errors import InputError
 from planner.geometry.catalog import POINTS_TOLERANCE_MM
-from planner.programs import DEFAULT_TOLERANCE, SUFFIXES
+from planner.geometry.tolerance import DEFAULT_TOLERANCE
+from planner.programs import SUFFIXES
 
 if TYPE_CHECKING:
     from planner.geometry.curve import Curve

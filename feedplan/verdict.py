@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from planner.frames import Tabular
 from planner.geometry.curve import Curve
-from planner.machine.limits import COMMANDS, Limits
+from planner.machine.feed_limits import COMMANDS
+from planner.machine.limits import Limits
 from planner.profile import BOUND_TOLERANCE, FeedrateProfile, Samples
 from planner.quantity import QUANTITIES
 from planner.status import Claim

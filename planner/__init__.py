@@ -34,7 +34,8 @@ if TYPE_CHECKING:
     from planner.geometry.curve import Curve
     from planner.geometry.drawing import read_dxf
     from planner.geometry.points import FittedCurve, read_points
-    from planner.machine.limits import FeedrateLimits, Limits, feedrate_limits
+    from planner.machine.feed_limits import FeedrateLimits, feedrate_limits
+    from planner.machine.limits import Limits
     from planner.machine.machine_file import load_limits
     from planner.output.ngc import WrittenProgram, write_ngc
     from planner.output.ngc_program import write_program
@@ -111,7 +112,8 @@ _HOME = {
     "planner.geometry.curve": ("Curve",),
     "planner.geometry.drawing": ("read_dxf",),
     "planner.geometry.points": ("FittedCurve", "read_points"),
-    "planner.machine.limits": ("FeedrateLimits", "Limits", "feedrate_limits"),
+    "planner.machine.feed_limits": ("FeedrateLimits", "feedrate_limits"),
+    "planner.machine.limits": ("Limits",),
     "planner.machine.machine_file": ("load_limits",),
     "planner.output.ngc": ("WrittenProgram", "write_ngc"),
     "planner.output.ngc_program": ("write_program",),

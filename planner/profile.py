@@ -19,8 +19,9 @@ from planner.geometry.curve import DEFAULT_AXES, ROTARY_AXES, Curve
 from planner.geometry.differential import chain_rule, curvature, rates_along
 from planner.inputs import shorten
 from planner.law import TimeLaw, quintic_coefficients
+from planner.machine.feed_limits import chord_feed_limit, commanded_feed
 from planner.machine.limit_rows import limit_rows
-from planner.machine.limits import Limits, chord_feed_limit, commanded_feed
+from planner.machine.limits import Limits
 from planner.origin import Origin
 from planner.quantity import CHORD_ERROR, FEED, NONE, limit_names
 from planner.status import Claim, Status, Work

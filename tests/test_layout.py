@@ -24,7 +24,6 @@ ELSEWHERE = {
     "geometry/test_drawing.py": ("planner.geometry.chain", "planner.geometry.points"),
     "geometry/test_nurbs.py": ("planner.geometry.tape",),
     "interp/literature/test_lookahead.py": ("interp.literature.classic_kernels",),
-    "machine/test_limits.py": ("planner.machine.machine_file",),
     "output/test_roundtrip.py": ("planner.output.ngc_program",),
     "output/test_table.py": (
         "planner.files.archive",

@@ -14,7 +14,7 @@ from feedplan.job import Job, load_job, load_job_of_table
 from feedplan.sources import PATH_SHARE
 from planner.errors import InputError
 from planner.files.whole_file import require_writable
-from planner.programs import DEFAULT_TOLERANCE
+from planner.geometry.tolerance import DEFAULT_TOLERANCE
 
 if TYPE_CHECKING:
     from planner.output.ngc import Mode

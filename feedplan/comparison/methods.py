@@ -14,7 +14,8 @@ from feedplan.job import Job
 from planner.errors import InputError, StalledError
 from planner.geometry.curve import ROTARY_AXES, Curve
 from planner.geometry.differential import arc_derivatives
-from planner.machine.limits import Limits, feedrate_limits
+from planner.machine.feed_limits import feedrate_limits
+from planner.machine.limits import Limits
 from planner.profile import FeedrateProfile, Samples
 from planner.quantity import ACCELERATION, JERK, Quantity
 from planner.types import FloatArray

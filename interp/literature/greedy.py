@@ -40,7 +40,8 @@ from planner.geometry.catalog import read_curve
 from planner.geometry.chord import half_chord
 from planner.geometry.curve import Curve
 from planner.inputs import positive_number
-from planner.machine.limits import FeedrateLimits, Limits, require_limits
+from planner.machine.feed_limits import FeedrateLimits
+from planner.machine.limits import Limits, require_limits
 from planner.profile import Samples
 from planner.quantity import JERK
 from planner.types import FloatArray, Progress

@@ -39,7 +39,8 @@ from planner.errors import InfeasibleError, InputError, StalledError
 from planner.geometry.curve import Curve
 from planner.geometry.nurbs import NurbsCurve
 from planner.inputs import positive_number, require_instance
-from planner.machine.limits import Limits, chord_feed_limit
+from planner.machine.feed_limits import chord_feed_limit
+from planner.machine.limits import Limits
 from planner.profile import Samples
 from planner.types import FloatArray
 

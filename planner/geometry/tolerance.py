@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+DEFAULT_TOLERANCE = 0.01  # mm of a part program, where neither the program nor the caller gives one
+
 
 @dataclass(frozen=True)
 class PathTolerance:

@@ -8,15 +8,13 @@ from html import escape
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from planner.errors import InputError
-from planner.geometry.chord import half_chord
 from planner.geometry.curve import ROTARY_AXES, Curve, axis_names
-from planner.geometry.differential import curvature_vector, norm
 from planner.inputs import numbers, positive_number, require_instance
 from planner.quantity import AXIS, CHORD_ERROR, FEED, PATH, QUANTITIES, TANGENTIAL, Quantity
-from planner.types import FloatArray, Side
+from planner.types import FloatArray
 
 _MAX_AXES = 6
 # What besides the quantities is one number: the period (s), and the feed of rapids (mm/s).
@@ -229,110 +227,6 @@ def require_limits(curve: Curve, limits: Limits) -> Limits:
     require_instance(curve, Curve, "curve")
     require_instance(limits, Limits, "limits")
     return limits.on(curve)
-
-
-@dataclass(frozen=True, eq=False)
-class FeedrateLimits:
-    """The four feedrate limits along a curve, mm/s, each with the shape of u (2022, FRLimit-1 to 4)."""
-
-    command: FloatArray
-    axis_velocity: FloatArray
-    chord_error: FloatArray
-    normal_acceleration: FloatArray
-
-    @property
-    def lowest(self) -> FloatArray:
-        """The limit that counts at every u."""
-        stacked = np.stack([self.command, self.axis_velocity, self.chord_error, self.normal_acceleration])
-        return np.asarray(stacked.min(axis=0))
-
-
-def feedrate_limits(
-    curve: Curve, limits: Limits, u: ArrayLike, *, safety: float = 1.0, side: Side = "right"
-) -> FeedrateLimits:
-    """Evaluate the four feedrate limits as functions of the curve parameter.
-
-        1  F                                     the command
-        2  min_j V_j / |t_j|                     t = dq/ds, the axes' share of the feed
-        3  (2/T) sqrt(2 rho e - e^2)             e = min(chord_error, rho)
-        4  min_j sqrt(lambda A_j / |k_j|)        k = d2q/ds2; on a plane curve k = n/rho
-
-    Parameters
-    ----------
-    curve : Curve
-    limits : Limits
-    u : array_like
-        Curve parameters.
-    safety : float
-        The factor lambda in (0, 1] of limit 4.
-    side : {"right", "left"}
-        One-sided value at a break.
-
-    Returns
-    -------
-    FeedrateLimits
-        Each limit with the shape of u, mm/s; inf where a limit does not apply (also where the tip rests).
-
-    Raises
-    ------
-    InputError
-        If the safety factor is outside (0, 1] or the axes do not match.
-    """
-    limits = require_limits(curve, limits)
-    factor = positive_number(safety, "safety")
-    if factor > 1.0:
-        raise InputError(f"safety = {factor!r} must lie in (0, 1]")
-    axes = curve.derivatives(u, 2, side=side)
-    tip = curve.tip.derivatives(u, 2, side=side)
-    speed = norm(tip[1])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        axis_velocity = (limits.velocity / np.abs(axes[1] / speed[..., None])).min(axis=-1)
-        normal = np.sqrt((factor * limits.acceleration / np.abs(curvature_vector(axes, tip))).min(axis=-1))
-    moving = speed > 0.0
-    return FeedrateLimits(
-        command=commanded_feed(curve, limits, np.asarray(u, dtype=np.float64), side == "left"),
-        axis_velocity=np.where(moving, axis_velocity, np.inf),
-        chord_error=chord_feed_limit(curve.tip.curvature(u, side=side), limits),
-        normal_acceleration=np.where(moving, normal, np.inf),
-    )
-
-
-def commanded_feed(curve: Curve, limits: Limits, u: FloatArray, left: NDArray[np.bool_] | bool = False) -> FloatArray:
-    """Feed limit at parameters u, mm/s: the lower of that of the limits and of the curve's own caps; of rapids their own."""
-    if curve.feed_caps is None:
-        return np.full(u.shape, limits.feed)
-    cap = curve.feed_caps.at(u, left)
-    return np.where(np.isinf(cap), limits.rapid, np.minimum(limits.feed, cap))
-
-
-COMMANDS = ("feed", "programmed feed", "rapid")
-
-
-def command_kind(
-    curve: Curve, limits: Limits, u: FloatArray, left: NDArray[np.bool_] | bool = False
-) -> NDArray[np.int8]:
-    """Which of ``COMMANDS`` sets the feed limit at parameters u: that of the limits, a cap of the curve, that of rapids."""
-    if curve.feed_caps is None:
-        return np.zeros(u.shape, dtype=np.int8)
-    cap = curve.feed_caps.at(u, left)
-    return np.where(np.isinf(cap), 2, np.where(cap < limits.feed, 1, 0)).astype(np.int8)
-
-
-def largest_command(curve: Curve, limits: Limits) -> float:
-    """Largest feed commanded anywhere on a curve, mm/s."""
-    if curve.feed_caps is None:
-        return limits.feed
-    return float(commanded_feed(curve, limits, curve.feed_caps.edges[:-1]).max())
-
-
-def chord_feed_limit(curvature: FloatArray, limits: Limits) -> FloatArray:
-    """Feed at which the chord of one period leaves the osculating circle by the chord error, mm/s.
-
-    (2/T) sqrt(2 rho e - e^2); where the tolerance e exceeds the radius rho, it takes the radius.
-    """
-    if np.isinf(limits.chord_error):
-        return np.full(curvature.shape, np.inf)
-    return np.asarray(2.0 / limits.period * half_chord(curvature, limits.chord_error))
 
 
 def _positive_row(values: ArrayLike, name: str) -> FloatArray:

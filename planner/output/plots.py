@@ -23,7 +23,8 @@ from planner.files.whole_file import whole_file
 from planner.geometry.curve import Curve
 from planner.geometry.differential import chain_rule
 from planner.inputs import require_instance
-from planner.machine.limits import Limits, feedrate_limits, largest_command, require_limits
+from planner.machine.feed_limits import feedrate_limits, largest_command
+from planner.machine.limits import Limits, require_limits
 from planner.profile import FeedrateProfile, ProfileStates, Samples
 from planner.types import FloatArray
 from planner.verify import Report, check

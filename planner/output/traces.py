@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from planner.geometry.chord import distance_to_chord
 from planner.geometry.curve import Curve
 from planner.geometry.differential import chain_rule
-from planner.machine.limits import Limits, feedrate_limits, require_limits
+from planner.machine.feed_limits import feedrate_limits
+from planner.machine.limits import Limits, require_limits
 from planner.profile import FeedrateProfile, Samples
 from planner.types import FloatArray
 

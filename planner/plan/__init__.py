@@ -17,7 +17,8 @@ from planner.errors import CurveError, InfeasibleError, InputError, SolverError
 from planner.geometry.curve import Curve
 from planner.geometry.differential import arc_derivatives
 from planner.law import TimeLaw
-from planner.machine.limits import Limits, feedrate_limits, require_limits
+from planner.machine.feed_limits import feedrate_limits
+from planner.machine.limits import Limits, require_limits
 from planner.origin import Origin
 from planner.plan.bounds import MAX_INTERVALS, section_bound
 from planner.plan.chord_errors import slowed_for_chords

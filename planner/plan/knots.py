@@ -18,10 +18,12 @@ from numpy.typing import NDArray
 
 from planner.errors import CurveError, InfeasibleError
 from planner.geometry.differential import arc_derivatives, curvature, dot
-from planner.machine.limits import Limits, chord_feed_limit, commanded_feed
+from planner.machine.feed_limits import chord_feed_limit, commanded_feed
+from planner.machine.limits import Limits
 from planner.plan.ends import Feed, Rest, feed_at
 from planner.plan.jumps import passable
-from planner.plan.section import BLEND_LENGTH, Section, axis_weights, evaluate
+from planner.plan.rest_map import BLEND_LENGTH
+from planner.plan.section import Section, axis_weights, evaluate
 from planner.plan.slow import resolved
 from planner.types import FloatArray
 

@@ -26,8 +26,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.geometry.differential import acceleration_terms, chain_rule, jerk_terms, speed_derivatives
+from planner.machine.feed_limits import chord_feed_limit, commanded_feed
 from planner.machine.limit_rows import LimitRow, limit_rows
-from planner.machine.limits import Limits, chord_feed_limit, commanded_feed
+from planner.machine.limits import Limits
 from planner.plan.ends import Feed
 from planner.plan.jumps import JERK_COLLOCATED, soften
 from planner.plan.knots import FeedGuess, Grid

@@ -9,13 +9,7 @@ A *section* runs from stop to stop (or from an end of the path that has a feed).
 and radians count as the drives feel them; on a machine with equal axes it is plain arc length.  It never rests while
 an axis moves, also where the tool tip does.
 
-**The rest map** removes the singularity of a start from rest, where sigma_dot^2 ~ y^(4/3).  Over a width w at each
-end, with r = sigma / w,
-
-    dy/dsigma = p(r) = 1 - (1-r)^4 (1 + 4r + 6r^2) = 4r^2 + 4r^3 - 21r^4 + 20r^5 - 6r^6,
-
-which joins the slope 1 of the middle with three continuous derivatives.  In sigma the speed stays finite and positive
-down to the stop; velocity and acceleration of every axis vanish there by themselves, and the jerk stays finite.
+**The rest map** (``rest_map.py``) keeps sigma_dot finite and positive down to a stop.
 """
 
 from __future__ import annotations
@@ -33,21 +27,10 @@ from planner.geometry.curve import Curve
 from planner.geometry.differential import chain_rule, inverse_derivatives, speed_derivatives
 from planner.machine.limits import Limits
 from planner.plan.ends import REST, End, Feed, Free
-from planner.plan.stops import tight_bends
+from planner.plan.rest_map import BLEND_LENGTH, covered, share_of_blend, slopes
+from planner.plan.stops import exact_stops
 from planner.types import FloatArray
 
-# Ascending powers of r of the rest map's slope p and of its integral; a blend of width w covers BLEND_LENGTH w of y.
-_SLOPE = np.array([0.0, 0.0, 4.0, 4.0, -21.0, 20.0, -6.0])
-_LENGTH = np.array([0.0, 0.0, 0.0, 4.0 / 3.0, 1.0, -21.0 / 5.0, 10.0 / 3.0, -6.0 / 7.0])
-BLEND_LENGTH = float(_LENGTH.sum())
-# p, p', p'' and the integral, highest power first
-_MAPS = [
-    _LENGTH[::-1],
-    _SLOPE[::-1],
-    np.polyder(_SLOPE[::-1]),
-    np.polyder(_SLOPE[::-1], 2),
-]
-_NEWTON_PASSES = 80
 _DIGITS = 16.0  # more than so many units in the last place is not rounding
 _RESOLUTION = 1e4 * float(np.finfo(np.float64).eps)
 _SEAM_TOLERANCE = 1e-7  # relative jump of the first and second derivative between end and start that counts as none
@@ -128,7 +111,7 @@ class Section:
         for width, distance, end, sign in ((w0, sigma, self.y_start, 1.0), (w1, span - sigma, self.y_end, -1.0)):
             if width > 0.0:
                 inside = np.flatnonzero(distance < width)
-                y[inside] = end + sign * width * np.polyval(_MAPS[0], np.maximum(distance[inside], 0.0) / width)
+                y[inside] = end + sign * width * covered(np.maximum(distance[inside], 0.0) / width)
         return y
 
     def rest_map(self, sigma: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -141,21 +124,20 @@ class Section:
                 continue
             inside = np.flatnonzero(distance < width)
             r = np.maximum(distance[inside], 0.0) / width
-            first[inside] = np.polyval(_MAPS[1], r)
-            second[inside] = sign * np.polyval(_MAPS[2], r) / width
-            third[inside] = np.polyval(_MAPS[3], r) / width**2
+            slope, bend, twist = slopes(r)
+            first[inside], second[inside], third[inside] = slope, sign * bend / width, twist / width**2
         return y, first, second, third
 
     def sigma(self, y: FloatArray) -> FloatArray:
         """Invert the rest map (Newton in the blends, bracketed)."""
         w0, w1 = self.blend_start, self.blend_end
         sigma = y - self.y_start + (1.0 - BLEND_LENGTH) * w0
-        for width, covered, side in ((w0, y - self.y_start, 0), (w1, self.y_end - y, 1)):
+        for width, away, side in ((w0, y - self.y_start, 0), (w1, self.y_end - y, 1)):
             if width <= 0.0:
                 continue
-            inside = np.flatnonzero(covered < BLEND_LENGTH * width)
+            inside = np.flatnonzero(away < BLEND_LENGTH * width)
             if inside.size:
-                distance = width * _invert_blend(np.maximum(covered[inside], 0.0) / width)
+                distance = width * share_of_blend(np.maximum(away[inside], 0.0) / width)
                 sigma[inside] = distance if side == 0 else self.span - distance
         return np.clip(sigma, 0.0, self.span)
 
@@ -184,7 +166,7 @@ class Section:
                 continue
             inside = np.flatnonzero((distance > 0.0) & (distance < width))
             away = sign * (u[inside] - stop)
-            meant = width * np.polyval(_MAPS[0], distance[inside] / width)
+            meant = width * covered(distance[inside] / width)
             speed: FloatArray | float = 1.0
             if self.arc is not None:
                 # The arc length by three derivatives at the stop: closer than the digits of u where these matter.
@@ -206,24 +188,6 @@ class Section:
         weighted = q * weights
         # u as a function of y, then y as one of sigma
         return chain_rule(*inverse_derivatives(speed_derivatives(weighted)), y1, y2, y3)
-
-
-def _invert_blend(fraction: FloatArray) -> FloatArray:
-    """Solve _LENGTH(r) = fraction for r in [0, 1]."""
-    lo, hi = np.zeros_like(fraction), np.ones_like(fraction)
-    r = np.minimum(np.cbrt(0.75 * fraction), 1.0)
-    for _ in range(_NEWTON_PASSES):
-        error = np.polyval(_MAPS[0], r) - fraction
-        lo, hi = np.where(error <= 0.0, r, lo), np.where(error > 0.0, r, hi)
-        slope = np.polyval(_MAPS[1], r)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            trial = r - error / slope
-        good = (trial >= lo) & (trial <= hi)
-        following = np.where(error == 0.0, r, np.where(good, trial, 0.5 * (lo + hi)))
-        if np.abs(following - r).max() <= 1e-15:
-            break
-        r = following
-    return r
 
 
 def axis_weights(limits: Limits) -> FloatArray:
@@ -253,10 +217,8 @@ def cut(
     list of Section
         In the order of the path, not yet with rest blends (see :func:`with_blends`).
     """
-    weights = axis_weights(limits)
-    stops = {b.u: 0.0 for b in curve.breaks if b.is_corner or (exact_stop and b.is_curvature_jump)}
-    if not isinstance(start, Free):
-        stops |= {bend.u: bend.radius for bend in tight_bends(curve, limits, weights, hidden=fillets)}
+    closed = isinstance(start, Free)
+    stops = exact_stops(curve, limits, axis_weights(limits), at_jumps=exact_stop, bends=not closed, hidden=fillets)
     return sections_between(curve, limits, stops, start, end)
 
 

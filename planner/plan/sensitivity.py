@@ -25,7 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.geometry.differential import dot
-from planner.machine.limits import COMMANDS, Limits
+from planner.machine.feed_limits import COMMANDS
+from planner.machine.limits import Limits
 from planner.plan.rows import Constraints, Path, speed_limits
 from planner.plan.solvers.interior import Iterate
 from planner.quantity import CHORD_ERROR, FEED, JERK

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InfeasibleError, SolverError
-from planner.machine.limits import Limits, command_kind
+from planner.machine.feed_limits import command_kind
+from planner.machine.limits import Limits
 from planner.plan.ends import Feed, feed_at
 from planner.plan.knots import FeedGuess, Grid, least_times, split
 from planner.plan.rows import Constraints, Parameter, build

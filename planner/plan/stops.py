@@ -1,4 +1,4 @@
-"""Bends so tight that a machine takes them as corners.
+"""Where a plan stops: in corners, and in bends so tight that a machine takes them as corners.
 
 A bend of radius R is passed at no more than min((A R)^(1/2), (J R^2)^(1/3)).  Below a radius of about 8e-4 A^3 / J^2, 2 um
 for 1000 mm/s^2 and 20000 mm/s^3, that is nearly a stop: passing it saves a few hundredths of a second.  Where such a
@@ -53,6 +53,30 @@ def smallest_radius(limits: Limits, weights: FloatArray) -> float:
         return 0.0
     within = min(_OF_PERIODS * jerk * limits.period**3, acceleration * limits.period**2)
     return within if np.isinf(jerk) else max(within, _MIN_RADIUS * acceleration * (acceleration / jerk) ** 2)
+
+
+def exact_stops(
+    curve: Curve, limits: Limits, weights: FloatArray, *, at_jumps: bool, bends: bool = True, hidden: bool = True
+) -> dict[float, float]:
+    """Parameters of a curve at which a plan stops, each with the radius, mm, of the bend whose tip it is; 0 in a corner.
+
+    Parameters
+    ----------
+    curve : Curve
+    limits : Limits
+    weights : (dim,) array
+        What makes the axes comparable.
+    at_jumps : bool
+        Stop at curvature jumps too, which else are passed slowly.
+    bends : bool
+        Stop in bends that are corners to this machine.
+    hidden : bool
+        Only in those hidden in a much longer span; else in all of them.
+    """
+    stops = {b.u: 0.0 for b in curve.breaks if b.is_corner or (at_jumps and b.is_curvature_jump)}
+    if bends:
+        stops |= {bend.u: bend.radius for bend in tight_bends(curve, limits, weights, hidden=hidden)}
+    return stops
 
 
 def tight_bends(curve: Curve, limits: Limits, weights: FloatArray, *, hidden: bool = True) -> list[Bend]:

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from planner.geometry.curve import Curve
 from planner.law import TimeLaw, quintic_coefficients
+from planner.machine.feed_limits import commanded_feed
 from planner.machine.limit_rows import limit_rows
-from planner.machine.limits import Limits, commanded_feed
+from planner.machine.limits import Limits
 from planner.plan.jumps import JERK_BESIDE_STEP, beside_jumps
 from planner.types import FloatArray
 

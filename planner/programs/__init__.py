@@ -2,4 +2,3 @@
 
 SUFFIXES = (".ngc", ".nc", ".tap")
 """Of the names of part programs."""
-DEFAULT_TOLERANCE = 0.01  # mm, where neither the program nor the caller gives one

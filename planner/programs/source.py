@@ -12,8 +12,8 @@ import numpy as np
 from planner.errors import InputError
 from planner.geometry.catalog import read_curve
 from planner.geometry.curve import Curve
-from planner.geometry.tolerance import PathTolerance
-from planner.programs import DEFAULT_TOLERANCE, SUFFIXES
+from planner.geometry.tolerance import DEFAULT_TOLERANCE, PathTolerance
+from planner.programs import SUFFIXES
 
 if TYPE_CHECKING:
     from planner.machine.limits import Limits

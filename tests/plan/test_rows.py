@@ -11,7 +11,8 @@ from planner import load_curve
 from planner.geometry.differential import arc_derivatives
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
-from planner.machine.limits import Limits, chord_feed_limit
+from planner.machine.feed_limits import chord_feed_limit
+from planner.machine.limits import Limits
 from planner.machine.machine_file import load_limits
 from planner.plan.knots import guess_feed
 from planner.plan.rows import acceleration_rows, build, jerk_rows, path_at, speed_cap

@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 
 from planner.geometry.curve import Curve
 from planner.geometry.differential import curvature, dot
-from planner.machine.limits import Limits, chord_feed_limit, commanded_feed
+from planner.machine.feed_limits import chord_feed_limit, commanded_feed
+from planner.machine.limits import Limits
 from planner.plan.ends import Free, Rest
 from planner.plan.jumps import STEP_SEEN
 from planner.plan.knots import Grid

@@ -25,7 +25,8 @@ from numpy.typing import NDArray
 
 from planner.errors import InfeasibleError, SolverError
 from planner.law import TimeLaw
-from planner.machine.limits import COMMANDS, Limits, command_kind
+from planner.machine.feed_limits import COMMANDS, command_kind
+from planner.machine.limits import Limits
 from planner.plan.ends import Feed, feed_at
 from planner.plan.knots import FeedGuess, Grid, guess_feed, place_knots, with_blends
 from planner.plan.rows import GridRows, acceleration_rows, path_at, speed_limits

@@ -29,7 +29,8 @@ from planner.geometry.differential import (
     speed_derivatives,
 )
 from planner.law import quintic_coefficients
-from planner.machine.limits import Limits, chord_feed_limit, commanded_feed, largest_command
+from planner.machine.feed_limits import chord_feed_limit, commanded_feed, largest_command
+from planner.machine.limits import Limits
 from planner.plan.jumps import JERK_BESIDE_STEP, PERIODS_AROUND_STEP, STEP_SHARE, passable
 from planner.quantity import ACCELERATION, JERK, TANGENTIAL
 from planner.types import FloatArray, Side

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from planner.geometry.blend import Blends, Legs
 from planner.geometry.chain import INTERVALS_OF_KIND, ChainCurve, Kind
-from planner.geometry.curve import FeedCaps
+from planner.programs.path.feeds import caps_of_blocks
 from planner.types import FloatArray
 
 _SAME = 1e-9  # mm
@@ -135,8 +135,7 @@ class Run:
 
     def with_caps(self) -> ChainCurve:
         """The curve with the feed caps of its blocks."""
-        first = np.concatenate([[0], 1 + np.flatnonzero(self.feed[1:] != self.feed[:-1])])
-        return replace(self.curve, feed_caps=FeedCaps(np.append(self.u[first], self.u[-1]), self.feed[first]))
+        return replace(self.curve, feed_caps=caps_of_blocks(self.u, self.feed))
 
     def arrays(self) -> dict[str, FloatArray]:
         """Everything the run is made of, by name."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from planner.errors import CurveError
 from planner.geometry.blend import Legs
-from planner.programs import DEFAULT_TOLERANCE
+from planner.geometry.tolerance import DEFAULT_TOLERANCE
 from planner.programs.path.deviation import Programmed
 from planner.programs.reading.program import ARC, AXES, RAPID, Program
 from planner.types import FloatArray

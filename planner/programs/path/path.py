@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from planner.errors import InputError, SolverError
 from planner.geometry.chain import ChainCurve, Kind
-from planner.geometry.curve import FeedCaps
 from planner.geometry.tolerance import PathTolerance
 from planner.inputs import positive_number, require_instance
 from planner.machine.limits import Limits
@@ -25,6 +24,7 @@ from planner.programs.path import tube_knots as knotting
 from planner.programs.path.absorb import Absorbed, absorb
 from planner.programs.path.corners import Junction, Junctions, blends_at, classify
 from planner.programs.path.deviation import Deviation
+from planner.programs.path.feeds import caps_of_blocks
 from planner.programs.path.measure import Place, Written, largest_deviation
 from planner.programs.path.moves import MovingBlocks, moving_axes
 from planner.programs.path.stretch import Fitted, Stretch, fit
@@ -357,9 +357,7 @@ def _report(
         Stop(float(u[k + 1]), int(absorbed.program.line[k]), _reason(blocks, junctions, built.reasons, int(k)))
         for k in np.flatnonzero(junctions.kind == Junction.STOP)
     )
-    feed = blocks.feed
-    changes = np.concatenate([[0], 1 + np.flatnonzero(feed[1:] != feed[:-1])])
-    caps = FeedCaps(np.append(u[changes], u[-1]), feed[changes])
+    caps = caps_of_blocks(u, blocks.feed)
     u = np.interp(absorbed.place, built.s_edges, built.u_edges)
     counts = {
         "blocks": line.size,

@@ -15,7 +15,8 @@ from planner.geometry.fiveaxis import DualSplineCurve
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
 from planner.law import TimeLaw
-from planner.machine.limits import Limits, feedrate_limits
+from planner.machine.feed_limits import feedrate_limits
+from planner.machine.limits import Limits
 from planner.machine.machine_file import load_limits
 from planner.plan.solvers.arcpath import used_exactly
 from planner.plan.solvers.scurve import plan_scurve
