@@ -377,7 +377,7 @@ def run(show: Callable[[object], None], figures: Path | None) -> dict[str, objec
     for sentence in LIMITATIONS:
         show(sentence)
     if figures is not None:
-        from planner.output.plots import save_plot
+        from planner.output.figures import save_plot
 
         save_plot(figures / "2002-feed-errors.png", feed_error_figure(circle))
         save_plot(figures / "2002-contour-errors.png", contour_figure(motions))

@@ -34,8 +34,8 @@ from interp.literature.greedy import PUBLISHED_COUNTS, GreedyRun, greedy
 from planner import load_curve
 from planner.geometry.curve import Curve
 from planner.machine.feed_limits import feedrate_limits
+from planner.output.figures import save_plot
 from planner.output.panels import Line, Panel, plot_panels
-from planner.output.plots import save_plot
 from planner.profile import Samples
 from planner.types import FloatArray
 

@@ -25,14 +25,18 @@ from benchmarks import method
 from benchmarks.method import Case
 from interp import replay
 from planner.law import TimeLaw
-from planner.output.plots import _COLOURS, _FAINT, _INK, _draw_binding, _draw_shares, _scan, _style, save_plot
+from planner.output.figures import figure_style, lay_out, save_plot
+from planner.output.palette import FAINT, INK, SERIES
+from planner.output.plan_panels import draw_binding, draw_shares
+from planner.output.traces import trace_plan
 from planner.plan import plan_feedrate
 from planner.types import FloatArray
 
 _WIDTH = 7.1  # inches, as the other figures
-_BLUE, _RED, _GREEN, _PINK, _ORANGE, _SKY = _COLOURS
+_BLUE, _RED, _GREEN, _PINK, _ORANGE, _SKY = SERIES
 _DASHED = (0, (4, 2))
 _MIN_EXCESS = 1e-7  # drawn; below it a limit is met
+_POINTS = 400_000  # where a plan is evaluated at most
 _AROUND = 9  # intervals between nodes on either side of the worst
 _INSIDE = 1e-6  # of an interval: the jerk may jump at its ends
 
@@ -40,15 +44,14 @@ _INSIDE = 1e-6  # of an interval: the jerk may jump at its ends
 @contextmanager
 def _page(height: float, rows: int, columns: int, **options: Any) -> Iterator[tuple[Figure, Any]]:
     """A figure with its axes, laid out once what is drawn on it is there."""
-    with _style():
+    with figure_style():
         figure = Figure(figsize=(_WIDTH, height), layout="constrained")
         yield figure, figure.subplots(rows, columns, squeeze=False, **options)
-        figure.draw_without_rendering()
-        figure.set_layout_engine("none")
+        lay_out(figure)
 
 
 def _limit(axes: Any, value: float = 1.0) -> None:
-    axes.axhline(value, color=_INK, lw=0.6, ls=_DASHED, zorder=1)
+    axes.axhline(value, color=INK, lw=0.6, ls=_DASHED, zorder=1)
 
 
 # --- rest map -------------------------------------------------------------------------------------------------------
@@ -61,7 +64,7 @@ def rest_map_figure(intervals: int = 16) -> Figure:
         r = np.linspace(0.0, 1.4, 200)
         inside = np.minimum(r, 1.0)
         slope.plot(r, 1.0 - (1.0 - inside) ** 4 * (1.0 + 4.0 * inside + 6.0 * inside**2), color=_GREEN)
-        slope.axvline(1.0, color=_FAINT, lw=0.6, ls=_DASHED)
+        slope.axvline(1.0, color=FAINT, lw=0.6, ls=_DASHED)
         slope.text(0.97, 0.06, "rest blend", ha="right")
         slope.set(title="slope of the rest map", xlabel="σ / w", ylabel="dy/dσ", ylim=(0.0, 1.1), xlim=(0.0, 1.4))
         value.plot(plain.coordinate, plain.squared, color=_RED, label="(dy/dt)² over y")
@@ -93,7 +96,7 @@ def knots_figure(of: Case, intervals: int = 250) -> Figure:
     s = of.curve.arclength.s(grid.u)
     with _page(2.6, 1, 2, width_ratios=(1.0, 1.1)) as (figure, ((path, density),)):
         fine = of.curve.tip.derivatives(np.linspace(*of.curve.domain, 3000), 0)[0]
-        path.plot(fine[:, 0], fine[:, 1], color=_FAINT, lw=0.4, zorder=1)
+        path.plot(fine[:, 0], fine[:, 1], color=FAINT, lw=0.4, zorder=1)
         shown = {"cmap": "viridis_r", "norm": LogNorm(0.1, 3.0), "s": 8, "lw": 0, "zorder": 2}
         dots = path.scatter(points[:, 0], points[:, 1], c=np.gradient(s), **shown)
         bar = figure.colorbar(dots, ax=path, aspect=28, extend="min", ticks=(0.1, 0.3, 1.0, 3.0), format="%g")
@@ -115,7 +118,7 @@ def knots_figure(of: Case, intervals: int = 250) -> Figure:
         names, colours = [name for name, *_ in shares], [colour for _, _, colour, *_ in shares]
         density.stackplot(middle, parts, colors=colours, labels=names, lw=0)
         count = np.diff(np.interp(edges, s, np.arange(s.size))) / np.diff(edges)
-        density.plot(middle, count, color=_INK, lw=0.7, label="knots placed")
+        density.plot(middle, count, color=INK, lw=0.7, label="knots placed")
         density.set(xlabel="arc length, mm", ylabel="knots per mm", xlim=(0.0, s[-1]), ylim=(0.0, 4.5))
         density.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
     return figure
@@ -129,24 +132,22 @@ def plan_figure(of: Case) -> Figure:
     curve, limits = of.curve, of.limits
     profile = plan_feedrate(curve, limits)
     fastest = plan_feedrate(curve, limits, method="toppra")
-    motion = _scan(curve, profile)
-    with _page(4.0, 4, 1, sharex=True, height_ratios=(1.6, 1.1, 1.1, 0.9)) as (figure, column):
+    traces = trace_plan(curve, limits, profile, _POINTS)
+    with _page(5.0, 4, 1, sharex=True, height_ratios=(1.6, 1.1, 1.1, 1.7)) as (figure, column):
         feed, acceleration, jerk, held = column[:, 0]
         guess = of.task.guess
         t = profile.t
-        ceiling = np.interp(motion.states.u, guess.u, guess.ceiling)
-        without = np.interp(motion.states.s, fastest.s, fastest.feed)
-        feed.plot(motion.states.t, ceiling, color=_FAINT, lw=0.8, label="limit at steady feed")
-        feed.plot(
-            motion.states.t, without, color=_GREEN, lw=0.9, label="optimum without a jerk limit, at the same place"
-        )
-        feed.plot(motion.states.t, motion.states.feed, color=_BLUE, lw=1.2, label="plan")
-        feed.set_ylim(0.0, 1.15 * min(limits.feed, float(motion.states.feed.max()) * 1.4))
+        ceiling = np.interp(traces.u, guess.u, guess.ceiling)
+        without = np.interp(traces.s, fastest.s, fastest.feed)
+        feed.plot(traces.t, ceiling, color=FAINT, lw=0.8, label="limit at steady feed")
+        feed.plot(traces.t, without, color=_GREEN, lw=0.9, label="optimum without a jerk limit, at the same place")
+        feed.plot(traces.t, traces.low["feed"], color=_BLUE, lw=1.2, label="plan")
+        feed.set_ylim(0.0, 1.15 * min(limits.feed, float(traces.low["feed"].max()) * 1.4))
         feed.set_ylabel("feed,\nmm/s")
         feed.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
-        _draw_shares(acceleration, "acceleration", curve, limits, motion)
-        _draw_shares(jerk, "jerk", curve, limits, motion)
-        _draw_binding(held, curve, profile)
+        draw_shares(acceleration, "acceleration", curve, limits, traces)
+        draw_shares(jerk, "jerk", curve, limits, traces)
+        draw_binding(held, profile)
         held.set(xlabel="time, s", xlim=(0.0, float(t[-1])))
         figure.align_ylabels(column[:3, 0])
     return figure
@@ -164,9 +165,9 @@ def convexity_figure(of: Case, intervals: int = method.INTERVALS) -> Figure:
         bound, tangent = x**-0.5, now**-0.5 - 0.5 * now**-1.5 * (x - now)
         inner.fill_between(x, 0.0, bound, color=_SKY, alpha=0.35, lw=0)
         inner.fill_between(x, 0.0, np.maximum(tangent, 0.0), color=_BLUE, alpha=0.35, lw=0)
-        inner.plot(x, bound, color=_INK)
+        inner.plot(x, bound, color=INK)
         inner.plot(x, tangent, color=_BLUE, ls=_DASHED)
-        inner.plot(now, now**-0.5, "o", color=_INK, ms=4)
+        inner.plot(now, now**-0.5, "o", color=INK, ms=4)
         inner.annotate("iterate", (now, now**-0.5), (0.95, 1.75), arrowprops={"arrowstyle": "-", "lw": 0.5})
         inner.text(2.1, 0.74, "bound x^(-1/2)")
         inner.text(0.42, 0.35, "allowed by\nthe tangent")
@@ -176,7 +177,7 @@ def convexity_figure(of: Case, intervals: int = method.INTERVALS) -> Figure:
         tight = found.pace * np.sqrt(found.x) < 1.001
         grid = np.geomspace(found.x.min(), found.x.max(), 300)
         outer.fill_between(grid, grid**-0.5, 10.0 * found.pace.max(), color=_SKY, alpha=0.35, lw=0)
-        outer.plot(grid, grid**-0.5, color=_INK, label="y = x^(-1/2), the problem itself")
+        outer.plot(grid, grid**-0.5, color=INK, label="y = x^(-1/2), the problem itself")
         label = f"tight, {100.0 * float(tight.mean()):.0f} % of the points"
         outer.plot(found.x[tight], found.pace[tight], ".", color=_BLUE, ms=2.5, label=label)
         outer.plot(found.x[~tight], found.pace[~tight], ".", color=_RED, ms=2.5, label="loose")
@@ -241,7 +242,7 @@ def _draw_chain(axes: Any) -> None:
         axes.text(x + 0.9, 4.2, f"knot {('k', 'k+1', 'k+2')[i]}", ha="center", va="bottom", color=_BLUE)
     for x in (2.2, 5.9):
         axes.add_patch(
-            FancyArrowPatch((x, 3.65), (x + 1.9, 3.65), arrowstyle="-|>", mutation_scale=8, color=_INK, lw=0.8)
+            FancyArrowPatch((x, 3.65), (x + 1.9, 3.65), arrowstyle="-|>", mutation_scale=8, color=INK, lw=0.8)
         )
         axes.add_patch(Rectangle((x + 0.65, 3.47), 0.5, 0.36, color=_SKY, lw=0, zorder=2))
         axes.text(x + 0.95, 2.95, "next c", ha="center", va="top", color=_ORANGE)
@@ -252,7 +253,7 @@ def _draw_chain(axes: Any) -> None:
         (5.3, (9.6, 0.4), "backward: P, gains and pivot of one knot from those of the next"),
         (1.9, (0.4, 9.6), "forward: the step of one knot gives that of the next"),
     ):
-        axes.add_patch(FancyArrowPatch((begin, y), (end, y), arrowstyle="-|>", mutation_scale=9, color=_FAINT, lw=1.0))
+        axes.add_patch(FancyArrowPatch((begin, y), (end, y), arrowstyle="-|>", mutation_scale=9, color=FAINT, lw=1.0))
         axes.text(5.0, y + 0.12, text, ha="center", va="bottom")
 
 
@@ -267,7 +268,7 @@ def convergence_figure(of: Case, intervals: int = method.INTERVALS) -> Figure:
     bound = method.relax(of, intervals).bound
     with _page(2.7, 1, 2) as (figure, ((time, gap),)):
         time.plot(cold.time, "o-", color=_BLUE, ms=2.5, label="every iterate is a valid plan")
-        time.axhline(bound, color=_INK, lw=0.8, ls=_DASHED, label=f"lower bound, {bound:.4f} s")
+        time.axhline(bound, color=INK, lw=0.8, ls=_DASHED, label=f"lower bound, {bound:.4f} s")
         time.set(xlabel="iteration, from the scan", ylabel="time of the iterate, s")
         time.set_ylim(0.93 * bound, 1.05 * float(cold.time[0]))
         time.legend(loc="upper right")
@@ -309,7 +310,7 @@ def between_figure(of: Case, intervals: int = method.INTERVALS) -> Figure:
     only, _ = method.measured(of, loose, loose.solve(of.task, None))
     before, after = method.tightening_rounds(of, intervals)
     worst = int(np.argmax(before.used.jerk))
-    with _style():
+    with figure_style():
         figure = Figure(figsize=(_WIDTH, 3.5), layout="constrained")
         grid = figure.add_gridspec(2, 3, height_ratios=(1.4, 1.0))
         for k, (title, nodes, centre) in enumerate(
@@ -338,8 +339,7 @@ def between_figure(of: Case, intervals: int = method.INTERVALS) -> Figure:
         whole.set(xlabel="arc length, mm", ylabel="slowing down\nneeded, - 1", xlim=(0.0, of.curve.length))
         whole.set_ylim(_MIN_EXCESS, 2e-2)
         whole.legend(loc="upper right", ncols=2)
-        figure.draw_without_rendering()
-        figure.set_layout_engine("none")
+        lay_out(figure)
     return figure
 
 
@@ -364,9 +364,9 @@ def _draw_jerk(axes: Any, of: Case, nodes: TimeLaw, centre: int) -> None:
     fine = (start[:, None] + step[:, None] * np.linspace(_INSIDE, 1.0 - _INSIDE, 41)).reshape(-1)
     axes.plot(1e3 * (fine - fine[0]), share(fine), color=_BLUE, lw=0.8)
     ends = start + _INSIDE * step
-    for first, fill, label in ((0, _INK, "knots"), (1, "white", "midpoints")):
+    for first, fill, label in ((0, INK, "knots"), (1, "white", "midpoints")):
         at = ends[(index - first) % 2 == 0]
-        axes.plot(1e3 * (at - fine[0]), share(at), "o", mfc=fill, mec=_INK, mew=0.6, ms=2.8, label=label)
+        axes.plot(1e3 * (at - fine[0]), share(at), "o", mfc=fill, mec=INK, mew=0.6, ms=2.8, label=label)
     _limit(axes)
 
 
@@ -379,7 +379,7 @@ def sensitivity_figure(of: Case, intervals: int = method.INTERVALS) -> Figure:
     with _page(0.7 + 0.32 * len(rows), 1, 1) as (figure, ((axes,),)):
         place = np.arange(len(rows))
         axes.barh(place, [1e3 * row.promised_s for row in rows], 0.55, color=_BLUE, label="multipliers")
-        axes.plot([1e3 * row.solved_s for row in rows], place, "D", color=_ORANGE, mec=_INK, mew=0.5, ms=5,
+        axes.plot([1e3 * row.solved_s for row in rows], place, "D", color=_ORANGE, mec=INK, mew=0.5, ms=5,
                   label="solved again with limits 1 % higher and lower")  # fmt: skip
         for at, row in zip(place, rows, strict=True):
             axes.text(1e3 * max(row.promised_s, row.solved_s) + 0.3, at, f"{1e3 * row.promised_s:.2f} ms", va="center")
@@ -396,7 +396,7 @@ def samples_figure(of: Case, shown: tuple[float, float]) -> Figure:
     curve, limits = of.curve, of.limits
     profile = plan_feedrate(curve, limits)
     period = limits.period
-    motion = _scan(curve, profile)
+    traces = trace_plan(curve, limits, profile, _POINTS)
     with _page(2.3, 1, 2, width_ratios=(1.0, 2.2)) as (figure, ((weight, jerk),)):
         z = np.linspace(-1.8, 1.8, 361)
         spline = np.where(np.abs(z) <= 0.5, 0.75 - z**2, 0.5 * np.maximum(1.5 - np.abs(z), 0.0) ** 2)
@@ -404,7 +404,7 @@ def samples_figure(of: Case, shown: tuple[float, float]) -> Figure:
         weight.plot(z, spline, color=_BLUE)
         weight.set(title="weight of the jerk", xlabel="time, periods T", ylabel="weight, 1/T")
         weight.set_ylim(0.0, 0.85)
-        jerk.plot(motion.states.t, motion.jerk[:, 0] / limits.jerk[0], color=_INK, lw=0.8, label="jerk X of the plan")
+        jerk.plot(traces.t, traces.low["jerk X"], color=INK, lw=0.8, label="jerk X of the plan")
         samples = replay(curve, profile, period)
         third = np.diff(samples.position[:, 0], 3) / period**3 / limits.jerk[0]
         t = samples.t[:-3] + 1.5 * period

@@ -18,8 +18,8 @@ from matplotlib.figure import Figure
 from benchmarks.programs import FOLDER, LIMITS, TOLERANCES
 from planner import Curve, FeedrateProfile, plan_feedrate, read_program
 from planner.geometry.nurbs import NurbsCurve
+from planner.output.figures import save_plot
 from planner.output.panels import Line, Panel, plot_panels
-from planner.output.plots import save_plot
 from planner.programs.path.deviation import deviation
 from planner.programs.path.moves import MovingBlocks
 from planner.programs.path.path import ProgramPath, program_path

@@ -89,7 +89,8 @@ if TYPE_CHECKING:
     from planner.certificate import Certificate
     from planner.geometry.makers import formula, from_points, from_spline, nurbs
     from planner.output.certificate_file import read_certificate, write_certificate
-    from planner.output.plots import plot_plan, save_plot
+    from planner.output.figures import save_plot
+    from planner.output.plots import plot_plan
     from planner.output.table import write_samples
     from planner.plan.bounds import Bound
     from planner.programs.times import write_line_times
@@ -189,7 +190,8 @@ _HOME = {
     "planner.certificate": ("Certificate",),
     "planner.geometry.makers": ("formula", "from_points", "from_spline", "nurbs"),
     "planner.output.certificate_file": ("read_certificate", "write_certificate"),
-    "planner.output.plots": ("plot_plan", "save_plot"),
+    "planner.output.figures": ("save_plot",),
+    "planner.output.plots": ("plot_plan",),
     "planner.output.table": ("write_samples",),
     "planner.plan.bounds": ("Bound",),
     "planner.programs.times": ("write_line_times",),

@@ -22,6 +22,8 @@ from feedplan.verdict import Verdict, to_json
 from planner.errors import InputError
 from planner.files.whole_file import require_writable, whole_file
 from planner.inputs import require_instance
+from planner.machine.feed_limits import COMMANDS
+from planner.output.palette import dash_lengths, limit_colour
 from planner.output.traces import PlanTraces, Traces, trace_chord_error, trace_plan
 from planner.profile import FeedrateProfile
 from planner.quantity import ACCELERATION, JERK
@@ -79,6 +81,8 @@ def write_report(
         "version": _version(),
         "tip_axes": list(curve.tip.axes),
         "limit_names": list(profile.limit_names),
+        "colours": {name: [limit_colour(name), limit_colour(name, dark=True)] for name in _coloured(profile)},
+        "dashes": {name: list(dash_lengths(name)) for name in _coloured(profile)},
         "limits": {
             # by the names of the traces, which are along the path
             "feed": _finite(limits.feed),
@@ -96,6 +100,11 @@ def write_report(
         file.write(_page(facts).encode())
 
 
+def _coloured(profile: FeedrateProfile) -> tuple[str, ...]:
+    """What has a colour of its own in the page."""
+    return tuple(dict.fromkeys((*profile.limit_names, *COMMANDS)))
+
+
 def require_report(path: str | Path) -> None:
     """Raise InputError unless a report can be written under this name."""
     suffix = Path(path).suffix.lower()
@@ -111,8 +120,8 @@ def _version() -> str:
 
 
 def _most_points(dim: int, tip_dim: int) -> int:
-    """How many buckets fit: t, u, s, binding and position each, and two values a quantity."""
-    return min(_MAX_POINTS, _TRACE_BYTES // (8 + 8 + 4 + 1 + 4 * tip_dim + 2 * 4 * (5 + 2 * dim)))
+    """How many buckets fit: t, u, s, binding, rapid and position each, and two values a quantity."""
+    return min(_MAX_POINTS, _TRACE_BYTES // (8 + 8 + 4 + 1 + 1 + 4 * tip_dim + 2 * 4 * (6 + 3 * dim)))
 
 
 # --- numbers --------------------------------------------------------------------------------------------------------
@@ -139,6 +148,7 @@ def _place_facts(traces: PlanTraces) -> dict[str, Any]:
         "s": _packed(traces.s.astype(np.float32)),
         "position": [_packed(column.astype(np.float32)) for column in traces.position.T],
         "binding": _packed(traces.binding),
+        "rapid": _packed(traces.rapid.astype(np.int8)) if traces.rapid.any() else None,
     }
 
 

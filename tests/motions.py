@@ -7,8 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from cases import drives
 
+from planner.geometry.curve import FeedCaps
 from planner.geometry.differential import arc_derivatives
+from planner.geometry.nurbs import NurbsCurve
 from planner.law import TimeLaw
+from planner.machine.limits import Limits
 from planner.profile import make_profile
 
 
@@ -88,6 +91,23 @@ def plan_along(curve, motion, limits=None, times=None):
     if limits is None:
         limits = drives(300.0, curve.dim)
     return make_profile(curve, limits, TimeLaw(t, u, v / speed, a / speed - v**2 * bend / speed**4), method="s-curve")
+
+
+def line_of_a_program(parts=1):
+    """A line of 300 mm along X, as a program has it: F words of 20 and 30 mm/s around a rapid, each for 100 mm.
+
+    Returns a plan by hand, each of the three in so many parts, and the limits, of 25 mm/s: 5 s at 20 mm/s, 0.5 s at 200
+    and 5 s at 20 again, the feed jumping.
+    """
+    line = NurbsCurve([[0, 0], [100, 0], [200, 0], [300, 0]], [0, 0, 0, 0, 1, 1, 1, 1], 3)
+    caps = FeedCaps(np.array([0.0, 1.0, 2.0, 3.0]) / 3.0, np.array([20.0, np.inf, 30.0]))
+    object.__setattr__(line, "feed_caps", caps)  # as the curve of a program has them
+    limits = Limits(25.0, [400.0] * 2, [5000.0] * 2, [1e5] * 2)
+    share = np.arange(parts + 1) / parts
+    t = np.concatenate([5.0 * share, 5.0 + 0.5 * share, 5.5 + 5.0 * share])
+    u = np.concatenate([share, 1.0 + share, 2.0 + share]) / 3.0
+    rate = np.repeat([20.0, 200.0, 20.0], parts + 1) / 300.0
+    return make_profile(line, limits, TimeLaw(t, u, rate, np.zeros(t.size)), method="by hand"), limits
 
 
 def positions_at(curve, motion, t):

@@ -19,11 +19,12 @@ ELSEWHERE = {
         f"feedplan.comparison{name}" for name in ("", ".judgement", ".methods", ".result")
     ),
     "feedplan/test_job.py": ("feedplan.sources",),
-    "feedplan/test_page.py": ("feedplan.cli.report", "planner.output.traces"),
+    "feedplan/test_page.py": ("feedplan.cli.report",),
     "geometry/test_curve.py": ("planner.geometry.continuity", "planner.geometry.fit"),
     "geometry/test_drawing.py": ("planner.geometry.chain", "planner.geometry.points"),
     "geometry/test_nurbs.py": ("planner.geometry.tape",),
     "interp/literature/test_lookahead.py": ("interp.literature.classic_kernels",),
+    "output/test_plots.py": ("planner.output.figures", "planner.output.panel_choice", "planner.output.plan_panels"),
     "output/test_roundtrip.py": ("planner.output.ngc_program",),
     "output/test_table.py": (
         "planner.files.archive",

@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from importlib import resources
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated, NoReturn, TypedDict
 
 import typer
 
@@ -26,6 +26,14 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from feedplan.verdict import Verdict
+
+
+class Drawing(TypedDict, total=False):
+    """How a figure looks, where it is not left to the one who draws it."""
+
+    panels: tuple[str, ...]
+    width_mm: float
+
 
 BROKEN, BAD_INPUT, NO_PLAN, INTERRUPTED = 1, 2, 3, 130
 
@@ -102,6 +110,10 @@ Tolerance = Annotated[
     ),
 ]
 
+PlotWidth = Annotated[
+    float | None, typer.Option("--width-mm", help="Width of the figure; 85 is a paper's column, 180 its page.")
+]
+
 
 def main() -> None:
     """Run the command line."""
@@ -172,7 +184,7 @@ def require_outputs(table: Path | None, plot: Path | None, report: Path | None =
         file_format(table)
         require_writable(table)
     if plot is not None:
-        from planner.output.plots import figure_format
+        from planner.output.figures import figure_format
 
         figure_format(plot)
         require_writable(plot)
@@ -180,6 +192,23 @@ def require_outputs(table: Path | None, plot: Path | None, report: Path | None =
         from feedplan.page import require_report
 
         require_report(report)
+
+
+def require_figure(plot: Path | None, panels: str | None, width_mm: float | None, allowed: Sequence[str]) -> Drawing:
+    """What a command was told of its figure, refused before the work begins where it cannot be drawn."""
+    if plot is None:
+        for option, value in (("--panels", panels), ("--width-mm", width_mm)):
+            if value is not None:
+                raise InputError(f"{option} says how a figure looks, and none is asked for; add --plot FILE")
+        return {}
+    from planner.output.panel_choice import panel_names, require_width
+
+    chosen: Drawing = {}
+    if panels is not None:
+        chosen["panels"] = panel_names(panels, allowed)
+    if width_mm is not None:
+        chosen["width_mm"] = require_width(width_mm)
+    return chosen
 
 
 def notice(text: str) -> None:

@@ -18,11 +18,13 @@ from feedplan.cli.app import (
     NO_PLAN,
     CurveName,
     Machine,
+    PlotWidth,
     Scale,
     app,
     exits,
     notice,
     require_apart,
+    require_figure,
     require_outputs,
 )
 from feedplan.cli.streams import Streams
@@ -50,6 +52,7 @@ _FAMILIES = (
     ("look-ahead (2007)", ("2007-printed", "2007-uniform")),
     ("planned", ("toppra", "scurve", "nlp")),
 )
+_BROAD, _SLIM = 1.8, 0.7  # points: the optimum shows below a line that coincides with it
 _FLOOR = 1e-3  # of a limit; less is drawn as this
 
 
@@ -72,6 +75,8 @@ def compare(
     ] = None,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Result, .json or .csv.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Figure, .png, .pdf or .svg.")] = None,
+    panels: Annotated[str | None, typer.Option(metavar="A,B", help="Of the figure: feed, jerk.")] = None,
+    width_mm: PlotWidth = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON and nothing else.")] = False,
 ) -> None:
     """Compare the literature's interpolators with the optimal plan.
@@ -86,6 +91,9 @@ def compare(
             _require_format(output)
             require_writable(output)
         require_outputs(None, plot)
+        from planner.output.panel_choice import COMPARISON_PANELS, PAGE_MM
+
+        drawing = require_figure(plot, panels, width_mm, COMPARISON_PANELS)
         job = load_job(curve, machine, scale=scale, feed=feed_mm_s, period=period_s, notice=notice)
         from feedplan.comparison import compare as compare_methods
         from feedplan.progress import PLAN_KERNELS, ProgressLine, load_kernels
@@ -98,12 +106,15 @@ def compare(
                 line(f"writing {output}")
                 _write(output, facts)
             if plot is not None and any(result.judgement for result in found.results):
+                from planner.output.figures import save_plot
                 from planner.output.panels import plot_panels
-                from planner.output.plots import save_plot
 
                 line(f"drawing {plot}")
-                panels = comparison_panels(found)
-                save_plot(plot, plot_panels(f"{found.curve.name}: {FIGURE_TITLE}", panels))
+                shown = drawing.get("panels", COMPARISON_PANELS)
+                width = drawing.get("width_mm", PAGE_MM)
+                drawn = comparison_panels(found, shown)
+                title = f"{found.curve.name}: {FIGURE_TITLE}"
+                save_plot(plot, plot_panels(title, drawn, columns=len(shown), width_mm=width))
         if as_json:
             typer.echo(_json(facts), err=at.taken)
         else:
@@ -261,20 +272,25 @@ def _slowed(judgement: Judgement) -> str:
 # ---- figure --------------------------------------------------------------------------------------------------------
 
 
-def comparison_panels(found: Comparison) -> list[Panel]:
+def comparison_panels(found: Comparison, shown: Sequence[str] = ("feed", "jerk")) -> list[Panel]:
     """Feed and jerk over the path, a row for each family of methods, the optimal plan in all of them.
+
+    Parameters
+    ----------
+    shown : sequence of str
+        "feed", "jerk" or both: the columns.
 
     Returns
     -------
     list of Panel
-        Two a row: what ``planner.output.panels.plot_panels`` draws.
+        One for each column of each row: what ``planner.output.panels.plot_panels`` draws.
     """
     from feedplan.comparison.methods import OPTIMUM
     from planner.output.panels import Line, Panel
 
     curve, limits = found.curve, found.limits
     ran = {result.method: result for result in found.results if result.motion is not None}
-    panels = []
+    panels: list[Panel] = []
     for title, names in _FAMILIES:
         family = [name for name in names if name in ran]
         if not family and (title != "planned" or set(ran) != {OPTIMUM}):
@@ -282,12 +298,18 @@ def comparison_panels(found: Comparison) -> list[Panel]:
         feeds, jerks = [], []
         for name in (*((OPTIMUM,) if OPTIMUM in ran else ()), *family):
             label = name if ran[name].ok else f"{name} !"
+            width = _BROAD if name == OPTIMUM else _SLIM
             s, feed, jerk = _along(curve, limits, ran[name])
-            feeds.append(Line(label, *_largest(s[:-1], feed)))
-            jerks.append(Line(label, *_largest(s[: jerk.size], jerk)))
+            feeds.append(Line(label, *_largest(s[:-1], feed), width))
+            jerks.append(Line(label, *_largest(s[: jerk.size], jerk), width))
         bound = [limits.feed] if math.isfinite(limits.feed) else []
-        panels.append(Panel(title, "arc length, mm", "feed, mm/s", feeds, bound, legend="above"))
-        panels.append(Panel("", "arc length, mm", "axis jerk over limit", jerks, [1.0], log=True, legend="none"))
+        made = {
+            "feed": Panel(title, "arc length, mm", "feed, mm/s", feeds, bound, legend="above"),
+            # beside the feed its lines have their names already
+            "jerk": Panel(title if shown[0] == "jerk" else "", "arc length, mm", "axis jerk over limit", jerks, [1.0],
+                          log=True, legend="above" if shown[0] == "jerk" else "none"),
+        }  # fmt: skip
+        panels.extend(made[name] for name in shown)
     return panels
 
 

@@ -13,7 +13,9 @@ import typer
 from feedplan.cli.app import (
     AsJson,
     CurveName,
+    Drawing,
     Machine,
+    PlotWidth,
     Scale,
     Tolerance,
     app,
@@ -21,6 +23,7 @@ from feedplan.cli.app import (
     notice,
     report_verdict,
     require_apart,
+    require_figure,
     require_outputs,
 )
 from feedplan.cli.streams import Streams
@@ -71,6 +74,13 @@ def plan(
     budget_s: Annotated[float, typer.Option(help="Time after which to return the best plan so far.")] = math.inf,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Feedrate table, .csv or .npz.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Figure, .png, .pdf or .svg.")] = None,
+    panels: Annotated[
+        str | None,
+        typer.Option(
+            metavar="A,B,...", help="Of the figure: path, feed, velocity, acceleration, jerk, chord, binding."
+        ),
+    ] = None,
+    width_mm: PlotWidth = None,
     report: Annotated[Path | None, typer.Option(help="Page for a browser, .html.")] = None,
     program: Annotated[Path | None, typer.Option(help="LinuxCNC program of the plan; see feedplan ngc.")] = None,
     lines: Annotated[Path | None, typer.Option(help="Seconds of each line of a part program, .csv or .npz.")] = None,
@@ -83,6 +93,8 @@ def plan(
     limit is broken no --program is written, and every other file says so.
     """
     with exits(), Streams() as at:
+        from planner.output.panel_choice import PLAN_PANELS
+
         curve = at.curve(curve)
         files = Files(
             at.output(output, ".csv"),
@@ -91,6 +103,7 @@ def plan(
             at.output(report, ".html"),
             at.output(program, ".ngc"),
             at.output(lines, ".csv"),
+            require_figure(plot, panels, width_mm, PLAN_PANELS),
         )
         files.require_writable(curve, machine, method)
         share = 1.0 if program is None else PATH_SHARE
@@ -138,6 +151,7 @@ class Files:
     report: Path | None
     program: Path | None
     lines: Path | None
+    drawing: Drawing
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -176,10 +190,11 @@ class Files:
             line(f"writing {self.lines}")
             write_line_times(self.lines, job.line_times(profile), source, report.summary())
         if self.plot is not None:
-            from planner.output.plots import plot_plan, save_plot
+            from planner.output.figures import save_plot
+            from planner.output.plots import plot_plan
 
             line(f"drawing {self.plot}")
-            save_plot(self.plot, plot_plan(job.curve, limits, profile, verdict.samples, report))
+            save_plot(self.plot, plot_plan(job.curve, limits, profile, verdict.samples, report, **self.drawing))
         if self.report is not None:
             from feedplan.page import write_report
 

@@ -1,10 +1,11 @@
 """Figures made of panels of lines: what the benchmarks show of feeds, accelerations and errors.
 
-The style, and how a figure is saved, are those of ``planner.output.plots``.
+The style, and how a figure is saved, are those of ``planner.output.figures``.
 """
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -13,21 +14,24 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from planner.errors import InputError
-from planner.output.plots import _COLOURS, _FAINT, _INK, _envelope, _style
+from planner.output.figures import CHARACTER_MM, DASHED, LINE_MM, envelope, figure_style, inches, lay_out
+from planner.output.palette import FAINT, INK, SERIES
+from planner.output.panel_choice import NARROW_MM, PAGE_MM, require_width
 from planner.types import FloatArray
 
-_WIDTH, _ROW_HEIGHT = 7.1, 1.75  # inches
+_HEAD_MM, _ROW_MM = 10.0, 44.5
 _ROOM = 1.12
 _DECADE_ROOM = 1.4
 
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """One curve of a panel: label and two (n,) arrays, x increasing."""
+    """One curve of a panel: label, two (n,) arrays, x increasing, and its width in points."""
 
     label: str
     x: FloatArray
     y: FloatArray
+    width: float = 0.7
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +63,7 @@ class Panel:
     legend: Literal["best", "above", "none"] = "best"
 
 
-def plot_panels(title: str, panels: Sequence[Panel], *, columns: int = 2) -> Figure:
+def plot_panels(title: str, panels: Sequence[Panel], *, columns: int = 2, width_mm: float = PAGE_MM) -> Figure:
     """Draw panels row by row on one page.
 
     Parameters
@@ -68,37 +72,43 @@ def plot_panels(title: str, panels: Sequence[Panel], *, columns: int = 2) -> Fig
     panels : sequence of Panel
         Those of one row with the same y label share their y axis, so that they can be compared.
     columns : int
-        Panels in a row.
+        Panels in a row; in a figure below 130 mm they stand one under the other.
+    width_mm : float
+        80 to 420.
 
     Returns
     -------
     matplotlib.figure.Figure
-        7.1 inches wide; ``planner.output.plots.save_plot`` writes it.
+        ``planner.output.figures.save_plot`` writes it.
 
     Raises
     ------
     InputError
-        If there is no panel or no column.
+        If there is no panel or no column, or the width is out of range.
     """
     if not panels or columns < 1:
         raise InputError(f"{len(panels)} panels in {columns} columns: both must be at least 1")
+    width = require_width(width_mm)
+    columns = 1 if width < NARROW_MM else columns
     rows = -(-len(panels) // columns)
-    with _style():
-        figure = Figure(figsize=(_WIDTH, 0.4 + _ROW_HEIGHT * rows), layout="constrained")
-        figure.suptitle(title, x=0.01, ha="left")
+    with figure_style():
+        text = textwrap.fill(title, int(width / CHARACTER_MM))
+        height = _HEAD_MM + LINE_MM * text.count("\n") + _ROW_MM * rows
+        figure = Figure(figsize=(inches(width), inches(height)), layout="constrained")
+        figure.suptitle(text, x=0.01, ha="left")
         grid = figure.subplots(rows, columns, squeeze=False)
         for axes, panel in zip(grid.flat, panels, strict=False):
-            for line, colour in zip(panel.lines, _COLOURS * (1 + len(panel.lines) // len(_COLOURS)), strict=False):
-                x, y = (line.x, line.y) if panel.equal else _envelope(line.x, line.y)
-                axes.plot(x, y, color=colour, lw=0.7, label=line.label)
+            for line, colour in zip(panel.lines, SERIES * (1 + len(panel.lines) // len(SERIES)), strict=False):
+                x, y = (line.x, line.y) if panel.equal else envelope(line.x, line.y)
+                axes.plot(x, y, color=colour, lw=line.width, label=line.label)
             for bound in panel.bounds:
-                axes.axhline(bound, color=_INK, lw=0.6, ls=(0, (4, 2)))
+                axes.axhline(bound, color=INK, lw=0.6, ls=DASHED)
             if panel.equal:
                 axes.set_aspect("equal", adjustable="datalim")
             elif panel.log:
                 axes.set_yscale("log")
             elif _lowest(panel) < 0.0:
-                axes.axhline(0.0, color=_FAINT, lw=0.4)
+                axes.axhline(0.0, color=FAINT, lw=0.4)
             axes.set_xlabel(panel.x_label)
             axes.set_ylabel(panel.y_label)
             if panel.legend == "above":
@@ -112,8 +122,7 @@ def plot_panels(title: str, panels: Sequence[Panel], *, columns: int = 2) -> Fig
             axes.set_axis_off()
         for row in range(rows):
             _share_heights(grid[row], panels[row * columns : (row + 1) * columns])
-        figure.draw_without_rendering()
-        figure.set_layout_engine("none")
+        lay_out(figure)
     return figure
 
 

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from planner.geometry.chord import distance_to_chord
 from planner.geometry.curve import Curve
-from planner.geometry.differential import chain_rule
+from planner.geometry.differential import chain_rule, rates_along
 from planner.machine.feed_limits import feedrate_limits
 from planner.machine.limits import Limits, require_limits
 from planner.profile import FeedrateProfile, Samples
-from planner.types import FloatArray
+from planner.types import FloatArray, Side
 
 _CHUNK = 100_000  # points evaluated at once; bounds the memory, changes no result
 _POINTS_INSIDE, _MIN_POINTS = 4, 2500
@@ -57,7 +57,8 @@ class PlanTraces(Traces):
 
     The quantities are "feed", "feed limit" (the lowest that command, axis velocities and chord error set) and "limit at
     steady feed" (that of the axis accelerations, which a changing feed may exceed), mm/s; "acceleration" and "jerk" along
-    the path, mm/s^2 and mm/s^3; and for every axis with such a limit "acceleration X" and "jerk X", as shares of it.
+    the path, mm/s^2 and mm/s^3; for every axis with such a limit "velocity X", "acceleration X" and "jerk X", as shares of
+    it; and of a part program "programmed feed", mm/s: its F word, nan on rapids.
 
     Attributes
     ----------
@@ -67,12 +68,15 @@ class PlanTraces(Traces):
         The tool tip at t, mm.
     binding : (n,) array
         Index into the profile's ``limit_names``: at the point, or for most of the bucket.
+    rapid : (n,) bool array
+        Whether the motion that leads to a place is a rapid of a part program.
     """
 
     u: FloatArray
     s: FloatArray
     position: FloatArray
     binding: NDArray[np.int8]
+    rapid: NDArray[np.bool_]
 
 
 def trace_plan(curve: Curve, limits: Limits, profile: FeedrateProfile, most: int) -> PlanTraces:
@@ -125,11 +129,14 @@ class _Envelope:
         first = np.flatnonzero(np.diff(bucket, prepend=-1))
         at = bucket[first]
         for name, column in values.items():
-            self.low[name][at] = np.minimum(self.low[name][at], np.minimum.reduceat(column, first))
-            self.high[name][at] = np.maximum(self.high[name][at], np.maximum.reduceat(column, first))
+            self.low[name][at] = np.fmin(self.low[name][at], np.fmin.reduceat(column, first))
+            self.high[name][at] = np.fmax(self.high[name][at], np.fmax.reduceat(column, first))
 
     def result(self) -> tuple[dict[str, NDArray[np.float32]], dict[str, NDArray[np.float32]]]:
-        """The extremes, in single precision."""
+        """The extremes, in single precision; nan where a bucket has no number."""
+        for name in self.low:
+            nothing = self.low[name] > self.high[name]
+            self.low[name][nothing] = self.high[name][nothing] = np.nan
         low, high = ({k: v.astype(np.float32) for k, v in side.items()} for side in (self.low, self.high))
         return low, high
 
@@ -155,22 +162,45 @@ def _times(nodes: FloatArray, inside: int, further: FloatArray) -> Iterator[Floa
 def _quantities(curve: Curve, limits: Limits, profile: FeedrateProfile, t: FloatArray) -> dict[str, FloatArray]:
     """What is drawn, at the times t."""
     states = profile.at(t)
-    u1, u2, u3 = (values[:, None] for values in (states.u_rate, states.u_acceleration, states.u_jerk))
-    q = curve.derivatives(states.u, 3)
-    allowed_feed = feedrate_limits(curve, limits, states.u)
+    node = np.clip(np.searchsorted(profile.t, t, side="right") - 1, 0, profile.t.size - 2)
+    # So near the end of an interval rounding may put u at the break there, or behind it: its own side is the left one.
+    u = np.clip(states.u, profile.u[node], profile.u[node + 1])
+    left = u >= profile.u[node + 1]
+    law = (u, states.u_rate, states.u_acceleration, states.u_jerk)
+    found: dict[str, FloatArray] = {}
+    sides: tuple[tuple[Side, NDArray[np.bool_]], ...] = (("right", ~left), ("left", left))
+    for side, at in sides:
+        if at.any():
+            some = law[0][at], law[1][at], law[2][at], law[3][at]
+            for name, values in _on_one_side(curve, limits, some, side).items():
+                found.setdefault(name, np.empty(t.size))[at] = values
+    return found
+
+
+def _on_one_side(
+    curve: Curve, limits: Limits, law: tuple[FloatArray, FloatArray, FloatArray, FloatArray], side: Side
+) -> dict[str, FloatArray]:
+    """What is drawn, from u and its first three time derivatives."""
+    u1, u2, u3 = (values[:, None] for values in law[1:])
+    q = curve.derivatives(law[0], 3, side=side)
+    feed, acceleration, jerk = rates_along(curve.tip.derivatives(law[0], 3, side=side), *law[1:])
+    allowed = feedrate_limits(curve, limits, law[0], side=side)
     found = {
-        "feed": states.feed,
-        "feed limit": np.minimum.reduce([allowed_feed.command, allowed_feed.axis_velocity, allowed_feed.chord_error]),
-        "limit at steady feed": allowed_feed.normal_acceleration,
-        "acceleration": states.acceleration,
-        "jerk": states.jerk,
+        "feed": feed,
+        "feed limit": np.minimum.reduce([allowed.command, allowed.axis_velocity, allowed.chord_error]),
+        "limit at steady feed": allowed.normal_acceleration,
+        "acceleration": acceleration,
+        "jerk": jerk,
     }
-    _, acceleration, jerk = chain_rule(q[1], q[2], q[3], u1, u2, u3)
-    for what, values in (("acceleration", acceleration), ("jerk", jerk)):
-        allowed = getattr(limits, what)
+    if curve.feed_caps is not None:
+        cap = curve.feed_caps.at(law[0], side == "left")
+        found["programmed feed"] = np.where(np.isinf(cap), np.nan, cap)
+    motion = zip(("velocity", "acceleration", "jerk"), chain_rule(q[1], q[2], q[3], u1, u2, u3), strict=True)
+    for what, values in motion:
+        largest = getattr(limits, what)
         for j, axis in enumerate(curve.axes):
-            if np.isfinite(allowed[j]):
-                found[f"{what} {axis}"] = values[:, j] / allowed[j]
+            if np.isfinite(largest[j]):
+                found[f"{what} {axis}"] = values[:, j] / largest[j]
     return found
 
 
@@ -185,7 +215,11 @@ def _with_place(
     """Add where the tool is at the times t."""
     states = [profile.at(t[k : k + _CHUNK]) for k in range(0, t.size, _CHUNK)]
     u, s = (np.concatenate([getattr(part, name) for part in states]) for name in ("u", "s"))
-    return PlanTraces(t, low, high, u, s, curve.tip.derivatives(u, 0)[0], binding)
+    rapid = np.zeros(t.size, dtype=np.bool_)
+    if curve.feed_caps is not None:
+        rapid[1:] = np.isinf(curve.feed_caps.at(u[1:], True))
+        rapid[0] = np.isinf(curve.feed_caps.feed[0])
+    return PlanTraces(t, low, high, u, s, curve.tip.derivatives(u, 0)[0], binding, rapid)
 
 
 def _nearest(profile: FeedrateProfile, t: FloatArray) -> NDArray[np.int8]:

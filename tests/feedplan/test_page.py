@@ -9,12 +9,11 @@ import re
 import shutil
 import subprocess
 from html.parser import HTMLParser
+from importlib import resources
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from motions import plan_along, scurve
+from motions import line_of_a_program, plan_along, scurve
 
 import feedplan.page
 import interp
@@ -24,7 +23,8 @@ from feedplan.verdict import Verdict, to_json
 from planner import InputError, Limits, Samples, __version__, check, load_curve, load_limits, write_table
 from planner.geometry.nurbs import NurbsCurve
 from planner.law import TimeLaw
-from planner.output.traces import trace_chord_error, trace_plan
+from planner.machine.feed_limits import COMMANDS
+from planner.output.palette import dash_lengths, limit_colour
 from planner.profile import make_profile
 from planner.programs.times import LineTimes, times_at
 from planner.verify import Report
@@ -183,76 +183,51 @@ class TestNumbers:
         assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
 
 
-class TestThinning:
-    @pytest.mark.parametrize("most", [40, 333])
-    def test_every_bucket_holds_the_plan_between_its_extremes(self, profile, most):
-        traces = trace_plan(CIRCLE, LIMITS, profile, most)
-        assert traces.thinned
-        assert traces.t.size == most
-        t = np.linspace(0.0, profile.duration, 20_001)
-        states = profile.at(t)
-        bucket = np.clip(np.searchsorted(traces.t, t, side="right") - 1, 0, most - 1)
-        for name in ("feed", "acceleration", "jerk"):
-            values = getattr(states, name)
-            room = 0.02 * np.abs(values).max()  # what may happen between the points of an interval
-            assert np.all(values >= traces.low[name][bucket] - room)
-            assert np.all(values <= traces.high[name][bucket] + room)
-            assert traces.high[name].max() == pytest.approx(values.max(), rel=2e-3)
-            assert traces.low[name].min() == pytest.approx(values.min(), rel=2e-3, abs=1e-3)
-        assert np.all(traces.low["feed"] <= traces.high["feed"])
+class TestColours:
+    def test_every_limit_has_those_of_the_figures(self, facts, profile):
+        names = {*profile.limit_names, *COMMANDS}
+        assert set(facts["colours"]) == set(facts["dashes"]) == names
+        for name in names:
+            assert facts["colours"][name] == [limit_colour(name), limit_colour(name, dark=True)]
+            assert facts["dashes"][name] == list(dash_lengths(name))
 
-    def test_one_short_peak_among_many_nodes_stays(self):
-        times = np.linspace(0.0, MOTION.duration, 30_001)
-        fine = plan_along(CIRCLE, MOTION, LIMITS, times)
-        acceleration = fine.u_acceleration.copy()
-        acceleration[12_345] *= 1.5  # one node of 30 001
-        bent = make_profile(CIRCLE, LIMITS, TimeLaw(fine.t, fine.u, fine.u_rate, acceleration), method="bent")
-        before, after = (trace_plan(CIRCLE, LIMITS, plan, 200) for plan in (fine, bent))
-        changed = np.flatnonzero(after.high["jerk"] > 2.0 * JERK)
-        assert changed.size == 1
-        assert after.t[changed[0]] <= bent.t[12_345] <= after.t[changed[0] + 1]
-        assert before.high["jerk"].max() < 1.01 * JERK
+    def test_what_the_page_reads_is_handed_over(self, facts):
+        """Names of the page's program that stand behind "facts.": a slip there would show in a browser only."""
+        script = resources.files("feedplan").joinpath("page.html").read_text(encoding="utf-8")
+        read = set(re.findall(r"\bfacts\.(\w+)", script))
+        assert len(read) > 15
+        assert read - set(facts) == {"program"}  # which the page asks for before it reads on
+        for part in ("curve", "plan", "chords", "lines"):
+            inner = set(re.findall(rf"\bfacts\.{part}\.(\w+)", script))
+            assert inner <= set(facts[part]), part
 
-    def test_the_limit_that_binds_for_longest_names_the_bucket(self, profile):
-        binding = np.array([0] * (profile.t.size - 60) + [1] * 50 + [2] * 10, dtype=np.int8)
-        traces = trace_plan(CIRCLE, LIMITS, dataclasses.replace(profile, binding=binding), 12)
-        middle = 0.5 * (profile.t[1:] + profile.t[:-1])
-        start = np.concatenate([[0.0], middle])
-        end = np.append(middle, profile.duration)
-        for k in range(11):
-            inside = np.minimum(end, traces.t[k + 1]) - np.maximum(start, traces.t[k])
-            time = [inside[(binding == kind) & (inside > 0.0)].sum() for kind in range(3)]
-            assert traces.binding[k] == int(np.argmax(time))
 
-    @staticmethod
-    def uneven_samples(seed):
-        """Samples of the circle at random parameters: chords of up to 25 degrees, some over the joint of two pieces."""
-        u = np.sort(np.random.default_rng(seed).uniform(*CIRCLE.domain, 200))
-        u[0], u[-1] = CIRCLE.domain
-        return Samples(1e-3, 1e-3 * np.arange(200), u, CIRCLE.derivatives(u, 0)[0])
+@pytest.fixture(scope="module")
+def program(tmp_path_factory):
+    """What a page of a program knows."""
+    profile, limits = line_of_a_program()
+    path = tmp_path_factory.mktemp("program") / "r.html"
+    write_report(path, judged(profile, limits))
+    return facts_of(path)
 
-    @pytest.mark.parametrize(
-        "seeds", [range(0, 1001, 20), pytest.param(range(1001), marks=pytest.mark.slow)], ids=["some", "all"]
-    )
-    def test_chord_errors_are_those_of_the_closed_form(self, seeds):
-        for seed in seeds:
-            samples = self.uneven_samples(seed)
-            angle = np.diff(CIRCLE.arclength.s(samples.u)) / RADIUS
-            error = trace_chord_error(CIRCLE, samples, 1000).low["chord error"]
-            assert error == pytest.approx(RADIUS * (1.0 - np.cos(0.5 * angle)), rel=2e-4, abs=1e-6), seed
 
-    @settings(max_examples=20)
-    @given(seed=st.integers(0, 1000), most=st.integers(2, 60))
-    def test_chords_keep_their_extremes(self, seed, most):
-        samples = self.uneven_samples(seed)
-        whole, thin = trace_chord_error(CIRCLE, samples, 1000), trace_chord_error(CIRCLE, samples, most)
-        error = whole.low["chord error"]
-        bucket = np.clip(np.searchsorted(thin.t, whole.t, side="right") - 1, 0, most - 1)
-        assert thin.t.size == most
-        assert np.array_equal(np.unique(bucket), np.arange(most))
-        for k in range(most):
-            assert thin.low["chord error"][k] == error[bucket == k].min()
-            assert thin.high["chord error"][k] == error[bucket == k].max()
+class TestPrograms:
+    def test_rapids_and_f_words(self, program):
+        plan = program["plan"]
+        t, rapid = unpacked(plan["t"]), unpacked(plan["rapid"])
+        assert np.array_equal(rapid, (t > 5.0) & (t < 5.5))
+        x = unpacked(plan["position"][0])
+        wanted = np.where(rapid, np.nan, np.where(x < 150.0, 20.0, 30.0))
+        assert unpacked(plan["low"]["programmed feed"]) == pytest.approx(wanted, nan_ok=True)
+        assert unpacked(plan["low"]["feed"]).max() == pytest.approx(200.0)
+
+    def test_axes_use_shares_of_their_velocity(self, program):
+        share = unpacked(program["plan"]["low"]["velocity X"])
+        assert {round(float(value), 6) for value in share} == {20.0 / 400.0, 200.0 / 400.0}
+
+    def test_other_curves_have_neither(self, facts):
+        assert facts["plan"]["rapid"] is None
+        assert "programmed feed" not in facts["plan"]["low"]
 
 
 class TestLines:
@@ -363,7 +338,8 @@ class TestPage:
     @pytest.mark.parametrize("dim", [2, 3, 5, 6])
     def test_the_bound_holds_for_any_number_of_axes(self, dim):
         points = feedplan.page._most_points(dim, min(dim, 3))
-        plan = points * (8 + 8 + 4 + 1 + 4 * min(dim, 3) + 2 * 4 * (5 + 2 * dim))
+        # time, u, s, binding, rapid and place; twice six quantities of the path and three of each axis
+        plan = points * (8 + 8 + 4 + 1 + 1 + 4 * min(dim, 3) + 2 * 4 * (6 + 3 * dim))
         chords = feedplan.page._MAX_CHORDS * (8 + 2 * 4)
         lines = feedplan.page._MAX_LINES * 3 * 4
         assert points >= 20_000
@@ -478,7 +454,7 @@ def seen(dom):
 class TestBrowser:
     def test_everything_is_drawn_without_an_error(self, dom, profile):
         assert 'data-state="ready"' in dom
-        assert dom.count("<canvas") == 2 * (1 + 1 + 6 + 1)  # path, overview, panels, lanes
+        assert dom.count("<canvas") == 2 * (1 + 1 + 7 + 1)  # path, overview, panels, lanes
         assert f"{profile.duration:.6g} s" in text_of(dom, "tiles")
         assert "acceleration Y 2000 mm/s²" in text_of(dom, "limits")
 

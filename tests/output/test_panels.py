@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from planner.errors import InputError
+from planner.output.figures import save_plot
 from planner.output.panels import Line, Panel, plot_panels
-from planner.output.plots import save_plot
 
 X = np.linspace(0.0, 1.0, 50_000)
 

@@ -25,7 +25,8 @@ from interp import replay
 from planner import Curve, FeedrateProfile, InputError, Limits, certify, check, load_curve, load_limits, plan_feedrate
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
-from planner.output.plots import plot_plan, save_plot
+from planner.output.figures import save_plot
+from planner.output.plots import plot_plan
 from planner.plan import refine
 from planner.programs.path.path import program_path
 from planner.programs.reading.reader import read_program

@@ -6,6 +6,7 @@ import csv
 import io
 
 import pytest
+from pictures import width_of
 from texts import strict_json
 
 
@@ -74,6 +75,37 @@ class TestCommand:
         code, _, _ = run("compare", "snailshell", "--scale", "0.01", "--methods", methods, "--plot", figure)
         assert code == 0
         assert figure.read_text().count('<g id="axes_') == 2
+
+    @pytest.mark.parametrize(
+        ("options", "width", "panels"),
+        [((), 180.0, 2), (("--width-mm", "85"), 85.0, 2), (("--width-mm", "120", "--panels", "jerk"), 120.0, 1),
+         (("--panels", "feed"), 180.0, 1)],
+    )  # fmt: skip
+    def test_figure_is_as_asked_for(self, run, tmp_path, options, width, panels):
+        for name in ("result.svg", "result.pdf"):
+            figure = tmp_path / name
+            short = ("compare", "snailshell", "--scale", "0.01", "--methods", "optimal")
+            code, _, err = run(*short, "--plot", figure, *options)
+            assert (code, err) == (0, "")
+            assert width_of(figure) == pytest.approx(width, abs=0.01)
+        assert (tmp_path / "result.svg").read_text().count('<g id="axes_') == panels
+
+    @pytest.mark.parametrize(
+        ("options", "message"),
+        [
+            (("--plot", "a.pdf", "--panels", "chord"), 'panels: "chord" is not one of feed, jerk'),
+            (("--plot", "a.pdf", "--panels", "feed,feed"), 'panels: "feed" is given twice'),
+            (("--plot", "a.pdf", "--width-mm", "79"), "a figure 79 mm wide is not possible: allowed is 80 to 420 mm"),
+            (("--width-mm", "85"), "--width-mm says how a figure looks, and none is asked for; add --plot FILE"),
+            (("--panels", "feed"), "--panels says how a figure looks, and none is asked for; add --plot FILE"),
+        ],
+    )
+    def test_bad_figure(self, run, monkeypatch, tmp_path, options, message):
+        monkeypatch.chdir(tmp_path)
+        code, out, err = run("compare", "teardrop", *options)
+        assert (code, out) == (2, "")
+        assert err.startswith(f"error: {message}")
+        assert list(tmp_path.iterdir()) == []
 
     @pytest.mark.parametrize(
         "arguments",

@@ -15,6 +15,7 @@ import tomllib
 import numpy as np
 import pytest
 from cases import PROJECT
+from pictures import width_of
 from texts import strict_json
 
 import feedplan.progress
@@ -29,6 +30,23 @@ from planner.status import Status
 
 QUICK = ("--intervals", "60")
 HEAVY = ("numpy", "scipy", "casadi", "numba", "matplotlib", "pydantic", "toppra", "ruckig", "rich")
+
+
+PANELS = "path, feed, velocity, acceleration, jerk, chord, binding"
+WIDTHS = "allowed is 80 to 420 mm; a paper's column is often 85, its page 180"
+PLOT = ("--plot", "plan.pdf")
+BAD_FIGURES = [
+    ((*PLOT, "--panels", "path,speed"), f'panels: "speed" is not one of {PANELS}'),
+    ((*PLOT, "--panels", "feed,feed"), 'panels: "feed" is given twice'),
+    ((*PLOT, "--panels", ""), f'panels: "" is not one of {PANELS}'),
+    ((*PLOT, "--panels", "feed,"), f'panels: "" is not one of {PANELS}'),
+    ((*PLOT, "--width-mm", "8.5"), f"a figure 8.5 mm wide is not possible: {WIDTHS}"),
+    ((*PLOT, "--width-mm", "nan"), f"a figure nan mm wide is not possible: {WIDTHS}"),
+    ((*PLOT, "--width-mm", "inf"), f"a figure inf mm wide is not possible: {WIDTHS}"),
+    ((*PLOT, "--width-mm", "-85"), f"a figure -85 mm wide is not possible: {WIDTHS}"),
+    (("--panels", "feed"), "--panels says how a figure looks, and none is asked for; add --plot FILE"),
+    (("--width-mm", "85"), "--width-mm says how a figure looks, and none is asked for; add --plot FILE"),
+]
 
 
 @pytest.fixture(scope="module")
@@ -178,6 +196,36 @@ class TestPlan:
     def test_a_machine_with_rotary_axes_is_chosen_by_itself(self, run):
         _, out, _ = run("plan", "flank", *QUICK)
         assert "five-axis (example machine); no feed limit, period 0.002 s" in out
+
+
+class TestFigure:
+    @pytest.mark.parametrize("suffix", [".png", ".pdf", ".svg"])
+    def test_panels_and_width_are_those_asked_for(self, run, monkeypatch, tmp_path, plan, suffix):
+        planned_by(monkeypatch, lambda *_args, **_options: plan)
+        drawn = []
+        monkeypatch.setattr(
+            planner.output.plots, "plot_plan", lambda *a, **k: drawn.append(plot_plan(*a, **k)) or drawn[-1]
+        )
+        path = tmp_path / f"plan{suffix}"
+        code, _, err = run("plan", "teardrop", "--plot", path, "--panels", "jerk, path", "--width-mm", 85)
+        assert (code, err) == (0, "")
+        assert width_of(path) == pytest.approx(85.0, abs=0.13)  # a pixel
+        assert [axes.get_ylabel().split("\n")[0] for axes in drawn[0].get_axes()] == ["Y, mm", "feed, mm/s", "jerk"]
+
+    def test_alone_it_is_as_wide_as_a_page(self, run, monkeypatch, tmp_path, plan):
+        planned_by(monkeypatch, lambda *_args, **_options: plan)
+        code, _, _ = run("plan", "teardrop", "--plot", tmp_path / "plan.pdf")
+        assert code == 0
+        assert width_of(tmp_path / "plan.pdf") == pytest.approx(180.0, abs=0.01)
+
+    @pytest.mark.parametrize(("options", "message"), BAD_FIGURES)
+    def test_what_cannot_be_drawn_is_refused_before_the_work(self, run, monkeypatch, tmp_path, options, message):
+        planned_by(monkeypatch, lambda *_args, **_options: pytest.fail("planned"))
+        monkeypatch.chdir(tmp_path)
+        code, out, err = run("plan", "teardrop", *options)
+        assert (code, out) == (2, "")
+        assert err == f"error: {message}\n"
+        assert list(tmp_path.iterdir()) == []
 
 
 class TestCheck:
