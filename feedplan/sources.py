@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from planner.errors import InputError
-from planner.geometry.catalog import POINTS_TOLERANCE_MM
-from planner.geometry.tolerance import DEFAULT_TOLERANCE
+from planner.geometry.tolerance import DEFAULT_TOLERANCE, POINTS_TOLERANCE_MM
 from planner.programs import SUFFIXES
 
 if TYPE_CHECKING:

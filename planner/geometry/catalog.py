@@ -14,13 +14,13 @@ import numpy as np
 
 from planner.errors import CurveError, InputError
 from planner.geometry.curve import Curve
+from planner.geometry.tolerance import POINTS_TOLERANCE_MM
 from planner.inputs import positive_number, read_text
 
 if TYPE_CHECKING:
     from planner.geometry.nurbs import NurbsCurve
 
 CATALOG = ("teardrop", "hypotrochoid", "snailshell", "butterfly", "circle", "butterfly-nurbs", "flank")
-POINTS_TOLERANCE_MM = 1e-3  # of the points of a CSV file
 _AXIS_KEYS = ("x", "y", "z", "a", "b", "c")
 _MACHINE = "table-tilting ac"
 _REMARKS = ("name", "note", "units", "source", "dim", "type", "knots_4digit")

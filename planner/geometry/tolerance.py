@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 DEFAULT_TOLERANCE = 0.01  # mm of a part program, where neither the program nor the caller gives one
+POINTS_TOLERANCE_MM = 1e-3  # of the points of a CSV file
 
 
 @dataclass(frozen=True)

@@ -341,14 +341,14 @@ def planned_with(
     **found: Any,
 ) -> tuple[FeedrateProfile, int]:
     """A plan whose solves take 1, 2, 4, ... seconds and say what is given; and how many there were."""
-    solver = {"optimal": optimal, "nlp": nlp}[method]
-    solve, solves = solver.solve, []
+    solver, name_of_solve = {"optimal": (optimal, "solve_interior"), "nlp": (nlp, "solve_nlp")}[method]
+    solve, solves = getattr(solver, name_of_solve), []
 
     def timed(*args: Any, **kwargs: Any) -> Any:
         solves.append(2.0 ** len(solves))
         return replace(solve(*args, **kwargs), cpu_s=solves[-1], **found)
 
-    monkeypatch.setattr(solver, "solve_interior", timed)
+    monkeypatch.setattr(solver, name_of_solve, timed)
     return plan_feedrate(load_curve(name), DRIVES, method=method, intervals=intervals), len(solves)
 
 

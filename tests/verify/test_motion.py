@@ -71,7 +71,7 @@ def test_the_slack_along_the_tip_is_that_of_all_terms(motion):
     d, p, cartesian, rates, _ = motion.states(span, x)
     error = np.tile([1e-3, 1e-2, 1e-1], (span.size, 1))
     values, slack = np.empty((2, len(names(motion.curve.dim)), *x.shape))
-    kernels.measure(d, p, cartesian, rates, error, values, slack)
+    kernels.measure_points(d, p, cartesian, rates, error, values, slack)
     high = np.abs(rates) + error.T[:, :, None]
     expected = np.linalg.norm(chained(np.abs(p), high) - chained(np.abs(p), np.abs(rates)), axis=-1)
     speed = np.linalg.norm(p[1], axis=-1)
@@ -90,10 +90,10 @@ def test_slack_is_what_errors_of_the_rates_can_change(motion):
     error = np.tile([1e-6, 1e-5, 1e-4], (span.size, 1))
     shape = (len(names(motion.curve.dim)), *x.shape)
     values, slack, moved, unused = (np.empty(shape) for _ in range(4))
-    kernels.measure(d, p, cartesian, rates, error, values, slack)
+    kernels.measure_points(d, p, cartesian, rates, error, values, slack)
     largest = np.zeros(shape)
     for signs in np.stack(np.meshgrid(*[[-1.0, 1.0]] * 3), axis=-1).reshape(-1, 3):
-        kernels.measure(d, p, cartesian, rates + (error * signs).T[:, :, None], error, moved, unused)
+        kernels.measure_points(d, p, cartesian, rates + (error * signs).T[:, :, None], error, moved, unused)
         np.maximum(largest, np.abs(moved - values), out=largest)
     size = np.abs(values).max(axis=(1, 2), keepdims=True)
     assert (largest <= slack + 1e-12 * size).all()
@@ -109,7 +109,7 @@ def test_the_peaks_of_spans_are_those_of_all_their_points(motion, density):
     states, count, dim = motion.states(span, x), len(names(motion.curve.dim)), motion.curve.dim
     ends, height, top = np.empty((2, count, span.size)), np.empty((count, span.size)), np.empty((count, span.size), int)
     largest, jerk = np.zeros(count), np.empty((dim, span.size))
-    kernels.scan(*states, ends, height, top, largest, jerk)
+    kernels.measure_spans(*states, ends, height, top, largest, jerk)
     values, slack = motion.measure(span, x)
     sizes = np.abs(values)
     sizes[REVERSAL] = values[REVERSAL]
@@ -128,7 +128,7 @@ def test_what_is_not_a_number_is_the_highest(motion):
     rates[2, 5, 11] = np.nan
     height, top = np.empty((count, 8)), np.empty((count, 8), dtype=np.intp)
     jerk = np.empty((dim, 8))
-    kernels.scan(d, p, cartesian, rates, slack, np.empty((2, count, 8)), height, top, np.zeros(count), jerk)
+    kernels.measure_spans(d, p, cartesian, rates, slack, np.empty((2, count, 8)), height, top, np.zeros(count), jerk)
     rows = axis_rows(dim, 2)
     assert (height[rows, 5] == np.inf).all()
     assert (top[rows, 5] == 11).all()
