@@ -17,6 +17,7 @@ from planner.quantity import AXIS, CHORD_ERROR, FEED, PATH, QUANTITIES, TANGENTI
 from planner.types import FloatArray
 
 _MAX_AXES = 6
+_WIDTH = 100  # characters of a line of the repr
 # What besides the quantities is one number: the period (s), and the feed of rapids (mm/s).
 PERIOD, RAPID = "period", "rapid"
 SCALARS = (FEED.key, CHORD_ERROR.key, PERIOD, *(q.key for q in PATH if q not in (FEED, CHORD_ERROR)), RAPID)
@@ -149,11 +150,22 @@ class Limits:
         return self.axes, *(getattr(self, name) for name in SCALARS), *rows
 
     def __repr__(self) -> str:
-        """Two lines: what is one number, and what is of the axes; what has no limit is left out."""
+        """Two lines: what is one number, and what is of the axes; what has no limit is left out.
+
+        Where one of them would be too long, they part where the longer one is shortest.
+        """
         single = [f"{name}={getattr(self, name):.6g}" for name in SCALARS if np.isfinite(getattr(self, name))]
         axes = [f"axes={''.join(self.axes)!r}"] if self.axes else []
         axes += [f"{q.key}={_short(self.of(q))}" for q in AXIS]
-        return f"Limits({', '.join(single)},\n       {', '.join(axes)})"
+        parts = [*single, *axes]
+
+        def lines(count: int) -> list[str]:
+            return [f"Limits({', '.join(parts[:count])},", f"       {', '.join(parts[count:])})"]
+
+        said = lines(len(single))
+        if max(map(len, said)) > _WIDTH:
+            said = min(map(lines, range(1, len(parts))), key=lambda two: max(map(len, two)))
+        return "\n".join(said)
 
     def _repr_html_(self) -> str:
         """Lay the limits out as a table, one row a quantity."""
