@@ -5,8 +5,8 @@ A *motion* is a machine axis, or last the arc length of the tool tip.  With q it
     lower <= w1 q' + w2 q'' + w3 q''' <= upper          (a prime is d/dt here),
 
 lower < 0 < upper: a machine at rest keeps its limits.  The two bounds need not be of the same size: the motor of a vertical
-axis that carries a weight has less left upwards than downwards.  Feed and chord error are not here; they change along a
-path and are limits on its speed.
+axis that carries a weight has less left upwards than downwards.  One may be infinite, as of a limit on braking alone.  Feed
+and chord error are not here; they change along a path and are limits on its speed.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.machine.limits import Limits
-from planner.quantity import AXIS, TANGENTIAL, Quantity
+from planner.quantity import AXIS, TANGENTIAL, Quantity, Scope
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class LimitRow:
     @property
     def along(self) -> bool:
         """Whether its motion is the arc length of the tip."""
-        return self.quantity in TANGENTIAL
+        return self.quantity.scope is Scope.PATH
 
     @property
     def order(self) -> int:
@@ -69,7 +69,7 @@ class LimitRow:
 
 def limit_rows(limits: Limits) -> tuple[LimitRow, ...]:
     """Every finite limit on a motion; those of one order stand together, the axes' before that of the arc length."""
-    quantities = sorted((*AXIS, *TANGENTIAL), key=lambda q: (q.order, q in TANGENTIAL))
+    quantities = sorted((*AXIS, *TANGENTIAL), key=lambda q: (q.order, q.scope is Scope.PATH))
     return tuple(
         _symmetric(quantity, axis, motion, most)
         for quantity in quantities

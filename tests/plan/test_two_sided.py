@@ -46,7 +46,7 @@ PROBLEMS = {
 }
 
 
-@pytest.mark.parametrize(("up", "down"), [(1.0, 0.5), (0.4, 1.0), (1.3, 0.8)])
+@pytest.mark.parametrize(("up", "down"), [(1.0, 0.5), (0.4, 1.0), (1.3, 0.8), (INF, 0.6), (0.6, INF)])
 @pytest.mark.parametrize("name", PROBLEMS)
 def test_both_solvers_find_the_same_optimum(name, up, down):
     plain = PROBLEMS[name]()
@@ -80,15 +80,21 @@ def test_a_multiplier_belongs_to_the_limit_its_row_names():
     assert len(set(first.values())) == len(first)
 
 
-@pytest.fixture
-def gravity(monkeypatch):
+@pytest.fixture(params=["one row", "a row without an upper bound beside it"])
+def gravity(request, monkeypatch):
     """The acceleration of X may be 1000 mm/s^2 forwards and 250 backwards."""
 
     def rows(limits: Limits) -> tuple[LimitRow, ...]:
-        return tuple(
-            replace(row, lower=0.25 * row.lower) if row.quantity is ACCELERATION and row.axis == "X" else row
-            for row in limit_rows(limits)
-        )
+        found = []
+        for row in limit_rows(limits):
+            weaker = replace(row, lower=0.25 * row.lower)
+            if row.quantity is not ACCELERATION or row.axis != "X":
+                found.append(row)
+            elif request.param == "one row":
+                found.append(weaker)
+            else:
+                found += [row, replace(weaker, upper=INF)]
+        return tuple(found)
 
     for module in ("planner.plan.rows", "planner.plan.utilisation", "planner.profile"):
         monkeypatch.setattr(import_module(module), "limit_rows", rows)

@@ -65,6 +65,7 @@ _MAX_FALL = 0.9
 _MIN_SLACK, _MIN_WARM_SLACK, _WARM_INSIDE = 0.05, 1e-6, 0.9999
 _WAYPOINT_GAP = 3e-3
 _NO_CAP = 1e300
+_NO_BOUND = 1e9  # of a scaled row, in place of inf: the barrier of a bound so far away is flat
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +130,8 @@ class Iterate:
         # of the rows and of their multipliers: what limits the speed has no row of its own
         self.of = (None, *problem.acceleration.of, *problem.jerk.of)
         self.jerk = np.arange(self.rows.shape[0]) > acceleration.shape[0]
-        self.sides = np.concatenate([np.ones((1, 2)), problem.acceleration.bounds, problem.jerk.bounds])
+        sides = np.concatenate([np.ones((1, 2)), problem.acceleration.bounds, problem.jerk.bounds])
+        self.sides = np.minimum(sides, _NO_BOUND)
         self.bounds = np.column_stack([self.jerk, self.sides])
         self.h, self.weight = problem.h, problem.weight
         self.problem = problem

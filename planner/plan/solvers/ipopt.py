@@ -131,9 +131,10 @@ class _Collocation:
             for row, (most, least) in zip(problem.jerk.r, problem.jerk.bounds, strict=True):
                 value = casadi.DM(row[0, at]) * px + casadi.DM(row[1, at]) * pa + casadi.DM(row[2, at]) * pc
                 if own:
-                    rows += [value - most * pace, -value - least * pace]
-                    low.append(np.full(2 * at.size, -np.inf))
-                    high.append(np.zeros(2 * at.size))
+                    found = [side - bound * pace for side, bound in ((value, most), (-value, least)) if bound < np.inf]
+                    rows += found
+                    low.append(np.full(len(found) * at.size, -np.inf))
+                    high.append(np.zeros(len(found) * at.size))
                 else:
                     rows.append(value / pace)
                     low.append(np.full(at.size, -least))
