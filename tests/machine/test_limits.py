@@ -123,7 +123,11 @@ class TestLimits:
             "Limits(feed=100, chord_error=0.001, period=0.001, tangential_jerk=5,",
             "       axes='XY', velocity=[250, 200], acceleration=[1000, 800], jerk=[20000, inf])",
         ]
-        for machine in (limits(), load_limits("mill"), Limits(1, 2, 3, 4)):
+        five = load_limits("five-axis")
+        lines = repr(five).splitlines()
+        assert [line.split("=")[0] for line in lines] == ["Limits(chord_error", "       acceleration"]
+        assert max(map(len, lines)) <= 100
+        for machine in (limits(), load_limits("mill"), five.with_feed(50.0), Limits(1, 2, 3, 4)):
             assert eval(repr(machine), {"Limits": Limits, "inf": np.inf}) == machine
 
     def test_html_has_a_row_a_limit(self):

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from doc_pages import DOCS, key_tables
 
 from planner import CurveError, InputError, Limits, load_limits
 from planner.machine.machine_file import EXAMPLE_MACHINES
@@ -18,7 +19,7 @@ def limits(**changes):
 HEAD = {"feed_mm_s": 100.0, "chord_error_mm": 0.001, "period_s": 0.002}
 X = {"name": "X", "velocity_mm_s": 250.0, "acceleration_mm_s2": 1000, "jerk_mm_s3": 20000.0}
 A = {"name": "A", "velocity_rad_s": 0.4, "acceleration_rad_s2": 0.5, "jerk_rad_s3": 1.5}
-HEAD_KEYS = "feed_mm_s, rapid_mm_s, chord_error_mm, period_s, tangential_acceleration_mm_s2, tangential_jerk_mm_s3"
+HEAD_KEYS = ", ".join(row[0] for row in key_tables(DOCS / "format-machine.md")["machine"])
 
 
 def toml(value):
