@@ -23,7 +23,7 @@ from planner.quantity import CHORD_ERROR, FEED, NONE, with_label
 from planner.types import FloatArray
 from planner.verify.motion import Quintics
 from planner.verify.peaks import IntArray
-from planner.verify.quantities import names
+from planner.verify.quantities import ALONG, names, sizes_of
 
 BINDING_TOLERANCE = 1e-3  # of a limit
 # What rounding on another machine may do to the columns: to arc length against that of the curve, to feed against the
@@ -95,7 +95,7 @@ class Nodes:
             u1, u2, u3 = np.abs(rates[:, :, 0])
             turn = np.where(p1 > 0.0, p2**2 / p1, 0.0)
             terms = np.stack(chain_rule(p1, p2, p3 + turn, u1, u2, u3))
-        values[1:3, p1 == 0.0] = 0.0  # along the path nothing changes where the tip rests in the parameter
+        values[np.ix_(ALONG, p1 == 0.0)] = 0.0  # along the path nothing changes where the tip rests in the parameter
         return cls(curve, profile, left, tip, values[:, :, 0], slack[:, :, 0], terms)
 
     def columns(self) -> Iterator[ImpliedColumn]:
@@ -115,7 +115,7 @@ class Nodes:
         A use that is no number counts as none.
         """
         profile, curve = self.profile, self.curve
-        size, none = np.abs(self.values), np.zeros(profile.t.size)
+        size, none = sizes_of(self.values), np.zeros(profile.t.size)
         caps = np.full(none.size, limits.feed)
         if curve.feed_caps is not None:
             u = np.clip(profile.u, *curve.domain)

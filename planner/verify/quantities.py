@@ -13,6 +13,7 @@ from planner.types import FloatArray
 
 _TIP_RATES = (FEED, *TANGENTIAL)
 REVERSAL = len(_TIP_RATES)  # row of -u'
+ALONG = tuple(range(1, REVERSAL))  # rows of the rates along the path beyond the feed
 FIRST_AXIS = REVERSAL + 1  # row of the velocity of the first axis
 
 
