@@ -22,6 +22,7 @@ from planner.machine.machine_file import _file_models
 from planner.output.table import _KEYS
 from planner.output.table_header import OPTIONAL_KEYS
 from planner.programs.reading.blocks import _G_WORDS, _M_WORDS, _VALUE_LETTERS
+from planner.quantity import QUANTITIES
 from planner.status import Status
 
 SLOTS = str(PROGRAMS / "slots.ngc")
@@ -117,9 +118,14 @@ def spelled(keys, axes):
 
 
 def generic(keys, axes):
-    """The other way round: keys of an axis under the name that the page gives them."""
+    """The other way round: keys of an axis, and those of a machine's limits, under the name that the page gives them."""
     unit = r"rad|mm"
-    return {re.sub(rf"(^|_)({'|'.join(axes)})_({unit})(?=_|$)", r"\1{axis}_{unit}", key) for key in keys}
+    single = {f"limit_{key}" for key in names("format-machine", "machine")} - {"limit_rapid_mm_s"}
+    assert single <= set(keys)
+    keys = [key for key in keys if key not in single]
+    return {"limit_{key}"} | {
+        re.sub(rf"(^|_)({'|'.join(axes)})_({unit})(?=_|$)", r"\1{axis}_{unit}", key) for key in keys
+    }
 
 
 def test_columns_of_the_table(files):
@@ -270,13 +276,16 @@ def test_json_of_the_named_curves(json_of):
 
 
 def agree_json(table, found):
-    """As ``agree``, of nested keys; a list without entries has those that the page names."""
+    """As ``agree``, of nested keys, all ratios as one; a list without entries has those that the page names."""
     listed = set(names("format-json", table))
     sets = []
     for facts in found:
         keys = {re.sub(r"^(held_back_by|saved_by_one_percent_s)\..*", r"\1.{limit}", key) for key in dotted(facts)}
         keys = {re.sub(r"^checks\.(plan|samples)\[\]", "checks.{which}[]", key) for key in keys}
         keys = {re.sub(r"\.breaks\.G\d$", ".breaks.{order}", key) for key in keys}
+        ratios = {f"methods[].{quantity.key}_ratio" for quantity in QUANTITIES}
+        if ratios <= keys:
+            keys = keys - ratios | {"methods[].{limit}_ratio"}
         sets.append({key for key in keys if key in listed or not any(one.startswith(f"{key}.") for one in listed)})
     agree("format-json", table, sets)
 
