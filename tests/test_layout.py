@@ -29,6 +29,7 @@ ELSEWHERE = {
     "output/test_table.py": (
         "planner.files.archive",
         "planner.files.columns",
+        "planner.files.formats",
         "planner.files.whole_file",
         "planner.output.table_header",
         "planner.verify.implied_columns",

@@ -20,6 +20,7 @@ import typer
 
 from planner import __version__
 from planner.errors import BrokenLimitError, FeedrateError, InputError
+from planner.files.formats import ANY_COLUMN_FORMAT, file_format
 from planner.files.whole_file import require_writable
 
 if TYPE_CHECKING:
@@ -94,7 +95,7 @@ CurveName = Annotated[
     ),
 ]
 TableFile = Annotated[
-    Path, typer.Argument(metavar="TABLE", help='Feedrate table, .csv or .npz; "-" is standard input.')
+    Path, typer.Argument(metavar="TABLE", help=f'Feedrate table, {ANY_COLUMN_FORMAT}; "-" is standard input.')
 ]
 Scale = Annotated[float, typer.Option(help="Multiplies the linear axes of the curve.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the verdict as JSON and nothing else.")]
@@ -179,8 +180,6 @@ def require_apart(outputs: Sequence[Path | None], inputs: Sequence[str | Path | 
 def require_outputs(table: Path | None, plot: Path | None, report: Path | None = None) -> None:
     """Refuse an output that could not be written before the work begins."""
     if table is not None:
-        from planner.files.columns import file_format
-
         file_format(table)
         require_writable(table)
     if plot is not None:

@@ -29,6 +29,7 @@ from feedplan.cli.app import (
 from feedplan.cli.streams import Streams
 from feedplan.job import UNBOUNDED, Job, load_job
 from feedplan.sources import PATH_SHARE, require_program
+from planner.files.formats import ANY_COLUMN_FORMAT
 from planner.files.whole_file import require_writable
 
 if TYPE_CHECKING:
@@ -72,7 +73,7 @@ def plan(
     tolerance_mm: Tolerance = None,
     intervals: Annotated[int | None, typer.Option(help="Grid intervals; refinement chooses if left out.")] = None,
     budget_s: Annotated[float, typer.Option(help="Time after which to return the best plan so far.")] = math.inf,
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="Feedrate table, .csv or .npz.")] = None,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help=f"Feedrate table, {ANY_COLUMN_FORMAT}.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Figure, .png, .pdf or .svg.")] = None,
     panels: Annotated[
         str | None,
@@ -83,7 +84,9 @@ def plan(
     width_mm: PlotWidth = None,
     report: Annotated[Path | None, typer.Option(help="Page for a browser, .html.")] = None,
     program: Annotated[Path | None, typer.Option(help="LinuxCNC program of the plan; see feedplan ngc.")] = None,
-    lines: Annotated[Path | None, typer.Option(help="Seconds of each line of a part program, .csv or .npz.")] = None,
+    lines: Annotated[
+        Path | None, typer.Option(help=f"Seconds of each line of a part program, {ANY_COLUMN_FORMAT}.")
+    ] = None,
     certificate: Annotated[Path | None, typer.Option(help="Proof of the lower bound, .npz; see check.")] = None,
     as_json: AsJson = False,
 ) -> None:

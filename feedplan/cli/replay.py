@@ -21,6 +21,7 @@ from feedplan.cli.app import (
 )
 from feedplan.cli.streams import Streams
 from feedplan.job import load_job_of_table
+from planner.files.formats import ANY_COLUMN_FORMAT
 
 if TYPE_CHECKING:
     from planner.profile import FeedrateProfile, Samples
@@ -37,7 +38,7 @@ def replay(
     order: Annotated[int, typer.Option(help="1, 2, 3 (Taylor steps) or 5 (the plan itself).")] = 5,
     tolerance_mm: Tolerance = None,
     scale: Scale = 1.0,
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="Samples, .csv or .npz.")] = None,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help=f"Samples, {ANY_COLUMN_FORMAT}.")] = None,
 ) -> None:
     """Sample a feedrate table once a period.
 

@@ -24,6 +24,7 @@ from feedplan.cli.app import (
 from feedplan.cli.streams import Streams
 from feedplan.job import Job, load_job
 from feedplan.sources import require_program
+from planner.files.formats import ANY_COLUMN_FORMAT
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -50,7 +51,7 @@ def time(
     tolerance_mm: Tolerance = None,
     feed_mm_s: Annotated[float | None, typer.Option(help="Largest feed, in place of the machine's.")] = None,
     rows: Annotated[int, typer.Option(min=0, help="How many of the longest lines to print.")] = _ROWS,
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="Every line, .csv or .npz.")] = None,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help=f"Every line, {ANY_COLUMN_FORMAT}.")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Tell the time of each line of a part program, and of all.

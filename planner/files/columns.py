@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from planner.errors import InputError
 from planner.files.archive import array_names, open_archive, read_array
+from planner.files.formats import file_format
 from planner.files.whole_file import whole_file
 from planner.inputs import shorten
 
@@ -37,14 +38,6 @@ _DIGITS = frozenset("0123456789+-.eE")
 _WORDS = frozenset("nanif")  # of nan and inf, which get a message of their own
 _SEALS = ("rows_sha256", "header_sha256")
 ZIP_DATE = (1980, 1, 1, 0, 0, 0)  # the earliest a zip archive can say; the time of writing would change the bytes
-
-
-def file_format(path: str | Path) -> str:
-    """Return ``.csv`` (also without a suffix) or ``.npz``; raise InputError for another suffix."""
-    suffix = Path(path).suffix.lower() or ".csv"
-    if suffix not in {".csv", ".npz"}:
-        raise InputError(f'{path}: the suffix "{suffix}" must be .csv or .npz')
-    return suffix
 
 
 def write_columns(

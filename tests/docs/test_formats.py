@@ -7,12 +7,14 @@ import re
 import tomllib
 from contextlib import suppress
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 import pytest
 from cases import PROGRAMS, PROJECT
 from doc_pages import DOCS, blocks, key_tables
 
+import feedplan.cli.plan
 import feedplan.progress
 from feedplan.cli import app
 from planner import load_curve, load_limits, plan_feedrate, write_table
@@ -21,6 +23,7 @@ from planner.geometry import catalog
 from planner.machine.machine_file import _file_models
 from planner.output.table import _KEYS
 from planner.output.table_header import OPTIONAL_KEYS
+from planner.plan import Method
 from planner.programs.reading.blocks import _G_WORDS, _M_WORDS, _VALUE_LETTERS
 from planner.quantity import QUANTITIES
 from planner.status import Status
@@ -144,6 +147,14 @@ def test_header_of_the_table(files):
 def test_words_of_the_status():
     """The words that the page explains are those of the enumeration."""
     assert set(names("format-table", "status")) == {status.value for status in Status}
+
+
+def test_methods():
+    """The page lists every method, and so does the command."""
+    methods = get_args(Method)
+    said = next(row[2] for row in rows("format-table", "header") if row[0] == "method")
+    assert said == ", ".join(f"`{method}`" for method in methods)
+    assert tuple(method.value for method in feedplan.cli.plan.Method) == methods
 
 
 def test_samples(files):
