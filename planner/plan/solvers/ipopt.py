@@ -131,10 +131,10 @@ class _Collocation:
             for row, (most, least) in zip(problem.jerk.r, problem.jerk.bounds, strict=True):
                 value = casadi.DM(row[0, at]) * px + casadi.DM(row[1, at]) * pa + casadi.DM(row[2, at]) * pc
                 if own:
-                    found = [side - bound * pace for side, bound in ((value, most), (-value, least)) if bound < np.inf]
-                    rows += found
-                    low.append(np.full(len(found) * at.size, -np.inf))
-                    high.append(np.zeros(len(found) * at.size))
+                    within = [side - bound * pace for side, bound in ((value, most), (-value, least)) if bound < np.inf]
+                    rows += within
+                    low.append(np.full(len(within) * at.size, -np.inf))
+                    high.append(np.zeros(len(within) * at.size))
                 else:
                     rows.append(value / pace)
                     low.append(np.full(at.size, -least))
