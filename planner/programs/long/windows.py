@@ -35,7 +35,7 @@ import numpy as np
 from planner.errors import InputError
 from planner.files.whole_file import require_writable
 from planner.inputs import positive_number
-from planner.machine.limits import Limits
+from planner.machine.limits import SCALARS, Limits
 from planner.programs.long.done import Done
 from planner.programs.long.journal import FORMAT, Journal
 from planner.programs.long.parts import PathSource
@@ -45,7 +45,7 @@ from planner.programs.path.moves import moving_axes
 from planner.programs.reading.program import AXES, Program
 from planner.programs.reading.reader import read_program
 from planner.programs.times import LineTimes, combined, write_line_times
-from planner.quantity import AXIS, TANGENTIAL
+from planner.quantity import AXIS
 from planner.types import FloatArray, Progress
 from planner.verify.report import BREAKS, HOLDS
 
@@ -219,8 +219,7 @@ def _identity(path: PathSource, limits: Limits) -> str:
     program = path.program
     for name in ("kind", "start", "end", "centre", "normal", "sweep", "feed", "stop_after", "tolerance", "line"):
         digest.update(np.ascontiguousarray(getattr(program, name)).data)
-    words = [repr(getattr(limits, name)) for name in ("feed", "chord_error", "period")]
-    words += [repr(getattr(limits, q.key)) for q in TANGENTIAL]
+    words = [repr(getattr(limits, name)) for name in SCALARS]
     words += [repr(limits.of(q)) for q in AXIS]
     digest.update(" ".join([*words, *limits.axes, repr(path.tolerance)]).encode())
     return digest.hexdigest()

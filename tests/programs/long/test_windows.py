@@ -17,6 +17,7 @@ from feedplan.cli import app
 from planner import InfeasibleError, InputError, Limits, check, plan_feedrate, read_program
 from planner.geometry.curve import FeedCaps
 from planner.law import TimeLaw
+from planner.machine.limits import SCALARS
 from planner.plan.utilisation import utilisation
 from planner.programs.long import parts, window
 from planner.programs.long.parts import PathSource
@@ -154,7 +155,7 @@ def test_what_belongs_to_another_program_is_not_resumed(tmp_path, short_windows)
     for source, limits, tolerance in (
         (winding(1100), LIMITS, 0.02),
         (winding(1101), LIMITS, 0.01),
-        (winding(1100), LIMITS.with_feed(90.0), 0.01),
+        *((winding(1100), replace(LIMITS, **{name: 0.5}), 0.01) for name in SCALARS),
     ):
         with pytest.raises(
             InputError, match=r"state\.npz: belongs to another program, .*; to begin again, plan with --fresh"
