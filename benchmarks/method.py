@@ -33,7 +33,8 @@ from planner.plan.dual.method import best_multipliers
 from planner.plan.dual.problem import Pace, best_splines, problem_of
 from planner.plan.dual.terms import Track
 from planner.plan.ends import REST, Feed
-from planner.plan.knots import guess_feed, place_knots, with_blends
+from planner.plan.guess import guess_feed
+from planner.plan.knots import place_knots, with_blends
 from planner.plan.rest_map import BLEND_LENGTH
 from planner.plan.rows import Constraints, build
 from planner.plan.section import Section, cut

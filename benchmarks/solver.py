@@ -38,7 +38,8 @@ from feedplan.job import Job
 from planner import Curve, FeedrateError, Limits, __version__, certify, load_curve
 from planner.files.whole_file import whole_file
 from planner.geometry.nurbs import NurbsCurve
-from planner.plan.knots import guess_feed, place_knots, with_blends
+from planner.plan.guess import guess_feed
+from planner.plan.knots import place_knots, with_blends
 from planner.plan.rows import build
 from planner.plan.section import cut
 from planner.plan.solvers import interior as optimal

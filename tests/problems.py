@@ -14,7 +14,8 @@ from planner.geometry.nurbs import NurbsCurve
 from planner.machine.limits import Limits
 from planner.plan import plan_feedrate
 from planner.plan.ends import FREE, end_with
-from planner.plan.knots import FeedGuess, Grid, guess_feed, place_knots, with_blends
+from planner.plan.guess import FeedGuess, guess_feed
+from planner.plan.knots import Grid, place_knots, with_blends
 from planner.plan.rows import Constraints, build
 from planner.plan.section import Section, cut
 

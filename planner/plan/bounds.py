@@ -20,8 +20,9 @@ from planner.plan.dual.problem import ROUNDS, Pace, best_splines
 from planner.plan.dual.terms import Multiplied, Track
 from planner.plan.dual.value import Splines
 from planner.plan.ends import FREE, Feed, end_with, feed_at
+from planner.plan.guess import guess_feed
 from planner.plan.jumps import STEP_SEEN
-from planner.plan.knots import guess_feed, place_knots, with_blends
+from planner.plan.knots import place_knots, with_blends
 from planner.plan.section import Section, sections_between
 from planner.profile import BOUND_TOLERANCE, FeedrateProfile
 from planner.verify import check

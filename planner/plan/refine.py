@@ -32,7 +32,8 @@ from planner.plan.chord_errors import MET_CHORD, chord_shares
 from planner.plan.dual.problem import Pace
 from planner.plan.ends import Rest, feed_at
 from planner.plan.guard import require_finite_law
-from planner.plan.knots import guess_feed, place_knots, resolvable, with_blends
+from planner.plan.guess import guess_feed, resolvable
+from planner.plan.knots import place_knots, with_blends
 from planner.plan.rows import Parameter
 from planner.plan.section import Section, axis_weights, weighted_arclength
 from planner.plan.stage import HOPELESS, TIGHTENING_ROUNDS, TOO_COARSE, WORTH_SAYING, Attempt, Stage, Task

@@ -30,8 +30,9 @@ from planner.machine.feed_limits import chord_feed_limit, commanded_feed
 from planner.machine.limit_rows import LimitRow, limit_rows
 from planner.machine.limits import Limits
 from planner.plan.ends import Feed
+from planner.plan.guess import FeedGuess
 from planner.plan.jumps import JERK_COLLOCATED, soften
-from planner.plan.knots import FeedGuess, Grid
+from planner.plan.knots import Grid
 from planner.plan.section import Section, axis_weights, evaluate
 from planner.quantity import ACCELERATION, CHORD_ERROR, FEED, JERK, VELOCITY
 from planner.types import FloatArray

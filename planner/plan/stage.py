@@ -13,7 +13,8 @@ from planner.errors import InfeasibleError, SolverError
 from planner.machine.feed_limits import command_kind
 from planner.machine.limits import Limits
 from planner.plan.ends import Feed, feed_at
-from planner.plan.knots import FeedGuess, Grid, least_times, split
+from planner.plan.guess import FeedGuess, least_times
+from planner.plan.knots import Grid, split
 from planner.plan.rows import Constraints, Parameter, build
 from planner.plan.section import Section
 from planner.plan.sensitivity import SpeedBound, saved_by_one_percent

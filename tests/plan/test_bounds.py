@@ -30,7 +30,7 @@ from planner.plan import bounds
 from planner.plan.bounds import Bound, section_bound, statement
 from planner.plan.dual.problem import Pace
 from planner.plan.ends import REST
-from planner.plan.knots import guess_feed
+from planner.plan.guess import guess_feed
 from planner.plan.section import cut
 from planner.programs.path.path import program_path
 from planner.verify.certificate import verify_bound, verify_plan_bound

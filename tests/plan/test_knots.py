@@ -1,41 +1,16 @@
-"""Where the knots of a plan go, and the guess of the feed that places them."""
+"""Where the knots of a plan go."""
 
 import numpy as np
 import pytest
-from cases import CURVES, ellipse, line, line_arc_line, mill
+from cases import ellipse, line, line_arc_line, mill
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from problems import laid_out
 from strategies import random_nurbs
 
 from planner import load_curve
-from planner.errors import InfeasibleError
 from planner.geometry.formula import FormulaCurve
-from planner.machine.limits import Limits
-from planner.machine.machine_file import load_limits
-from planner.plan.knots import guess_feed, place_knots, split
-from planner.plan.section import cut
-from planner.plan.utilisation_kernels import limit_growth
-
-CASES = {
-    "teardrop": (lambda: load_curve("teardrop"), mill()),
-    "butterfly": (lambda: load_curve("butterfly", scale=10), mill(300.0)),
-    "circle": (lambda: load_curve("circle"), mill()),
-    "butterfly-nurbs": (lambda: load_curve("butterfly-nurbs"), mill(250.0)),
-    "flank": (lambda: load_curve("flank"), load_limits("five-axis")),
-    "line and arc": (line_arc_line, mill()),
-    "nanometre": (lambda: load_curve("circle", scale=1e-8), mill()),
-    "100 km": (lambda: load_curve("circle", scale=1e6), mill()),
-    "100 km line": (lambda: line(1e8), mill()),
-}
-
-
-@pytest.fixture(scope="module", params=CASES)
-def case(request):
-    make, limits = CASES[request.param]
-    curve = make()
-    return curve, limits, *laid_out(curve, limits)
-
+from planner.plan.knots import place_knots, split
 
 # ---- knots ---------------------------------------------------------------------------------------------------------
 
@@ -173,32 +148,7 @@ def test_split_of_everything_doubles_the_grid():
     assert split(section, grid, np.zeros(grid.sigma.size - 1, dtype=bool)).sigma.tolist() == grid.sigma.tolist()
 
 
-# ---- the guess -----------------------------------------------------------------------------------------------------
-
-
-def test_guess_is_reachable_and_below_what_every_point_allows(case):
-    _, _, _, guess, _ = case
-    assert (guess.feed <= guess.ceiling * (1.0 + 1e-6)).all()
-    assert (guess.feed[1:-1] > 0.0).all()
-    assert guess.feed[[0, -1]] == pytest.approx([0.0, 0.0], abs=1e-3 * guess.feed.max())
-    rise = np.abs(np.diff(guess.feed**2))
-    allowed = 2.0 * np.maximum(guess.acceleration[1:], guess.acceleration[:-1]) * np.diff(guess.length)
-    assert (rise <= allowed + 1e-9 * guess.feed.max() ** 2).all()
-
-
-def test_turning_and_length_of_the_guess():
-    _, guess, _ = laid_out(ellipse(20.0, 20.0), mill())
-    assert guess.turning[-1] == pytest.approx(2.0 * np.pi, rel=1e-9)
-    assert guess.length[-1] == pytest.approx(40.0 * np.pi, rel=1e-9)
-    assert guess.ceiling == pytest.approx(np.full(guess.ceiling.size, 100.0))
-
-
-def test_guess_on_a_line_is_that_of_constant_acceleration():
-    limits = mill(jerk=[np.inf] * 2)
-    _, guess, _ = laid_out(line(50.0), limits)
-    s = guess.length
-    left = np.maximum(np.minimum(s, 50.0 - s), 0.0)
-    assert guess.feed == pytest.approx(np.minimum(100.0, np.sqrt(1400.0 * left)), abs=1e-3)
+# ---- rest blends -----------------------------------------------------------------------------------------------------
 
 
 def test_prescribed_feeds_need_no_blend():
@@ -227,31 +177,3 @@ def test_an_axis_that_has_no_limits_leaves_the_guess_to_the_other(limited):
     assert 50.0 < guess.feed.max() <= 100.0
     assert min(section.blend_start, section.blend_end) > 0.0
     assert grid.intervals == pytest.approx(1000, abs=2)
-
-
-def test_a_path_that_nothing_limits_is_refused():
-    limits = Limits(np.inf, [np.inf] * 2, [np.inf] * 2, [np.inf] * 2)
-    (section,) = cut(line(10.0), limits, exact_stop=False)
-    with pytest.raises(InfeasibleError, match="nothing limits the feed between u = 0 and 1"):
-        guess_feed(section, limits, 100)
-
-
-@given(st.integers(0, 10**6))
-@settings(max_examples=50)
-def test_growth_is_limited_from_every_neighbour(seed):
-    """The largest values that no neighbour is exceeded from by more than its step, also where the steps differ by 1e20."""
-    rng = np.random.default_rng(seed)
-    values, steps = 10.0 ** rng.uniform(-20.0, 0.0, 12), 10.0 ** rng.uniform(-20.0, 0.0, 11)
-    limited = values.copy()
-    limit_growth(limited, steps)
-    between = np.array([[steps[min(i, j) : max(i, j)].sum() for j in range(12)] for i in range(12)])
-    assert limited == pytest.approx((values + between).min(axis=1), rel=1e-14, abs=0.0)
-
-
-def test_a_feed_is_left_where_the_parameter_hardly_moves_the_path():
-    """Beside a near-cusp differences of the path's length are nothing but rounding, and the feed must not vanish."""
-    curve, limits = load_curve(CURVES / "seed36.json"), load_limits(CURVES / "seed36.toml")
-    sections = cut(curve, limits, exact_stop=False)
-    assert sections
-    for section in sections:
-        assert np.isfinite(guess_feed(section, limits, 1000).duration)

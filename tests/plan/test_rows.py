@@ -14,7 +14,7 @@ from planner.geometry.nurbs import NurbsCurve
 from planner.machine.feed_limits import chord_feed_limit
 from planner.machine.limits import Limits
 from planner.machine.machine_file import load_limits
-from planner.plan.knots import guess_feed
+from planner.plan.guess import guess_feed
 from planner.plan.rows import acceleration_rows, build, jerk_rows, path_at, speed_cap
 from planner.plan.section import axis_weights, cut
 

@@ -28,7 +28,8 @@ from planner.law import TimeLaw
 from planner.machine.feed_limits import COMMANDS, command_kind
 from planner.machine.limits import Limits
 from planner.plan.ends import Feed, feed_at
-from planner.plan.knots import FeedGuess, Grid, guess_feed, place_knots, with_blends
+from planner.plan.guess import FeedGuess, guess_feed
+from planner.plan.knots import Grid, place_knots, with_blends
 from planner.plan.rows import GridRows, acceleration_rows, path_at, speed_limits
 from planner.plan.section import Section
 from planner.plan.utilisation import Utilisation, utilisation

@@ -16,7 +16,8 @@ from planner.errors import InfeasibleError, SolverError
 from planner.law import TimeLaw
 from planner.machine.limits import Limits
 from planner.plan.ends import Feed, feed_at
-from planner.plan.knots import guess_feed, place_knots, with_blends
+from planner.plan.guess import guess_feed
+from planner.plan.knots import place_knots, with_blends
 from planner.plan.rows import acceleration_rows, path_at, speed_cap
 from planner.plan.section import Section
 from planner.types import FloatArray

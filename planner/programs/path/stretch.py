@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from planner.geometry.chain import span_derivatives
 from planner.machine.limits import Limits
-from planner.plan.knots import GROWTH_ACCELERATION, GROWTH_JERK
+from planner.plan.guess import GROWTH_ACCELERATION, GROWTH_JERK
 from planner.programs.path import tube_knots as knotting
 from planner.programs.path.deviation import Programmed, foot_distance, refined_peaks, samples_between
 from planner.programs.path.tube import Spline, Tube, greville, samples_of, smoothest
