@@ -107,7 +107,7 @@ def program_curve(
     """
     import numpy as np
 
-    from feedplan.verdict import program_summary
+    from feedplan.verdict_text import program_summary
     from planner import read_program
     from planner.programs.source import given_tolerances, path_of, require_unscaled
 

@@ -217,7 +217,8 @@ def notice(text: str) -> None:
 
 def report_verdict(verdict: Verdict, as_json: bool, *, aside: bool = False) -> None:
     """Print the verdict, on standard error if ``aside``, and leave with its exit code."""
-    from feedplan.verdict import to_json, to_text
+    from feedplan.verdict import to_json
+    from feedplan.verdict_text import to_text
 
     if as_json:
         typer.echo(to_json(verdict), err=aside)

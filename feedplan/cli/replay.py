@@ -66,7 +66,7 @@ def replay(
             if output is not None:
                 line(f"writing {output}")
                 write_samples(output, job.curve, samples, report)
-        from feedplan.verdict import samples_text
+        from feedplan.verdict_text import samples_text
 
         written = "" if output is None else at.told(str(output))
         show(samples_text(profile, samples, report, apart, written), aside=at.taken)

@@ -103,7 +103,7 @@ def _times_text(
     from rich.console import Group
     from rich.text import Text
 
-    from feedplan.verdict import named, program_lines
+    from feedplan.verdict_text import named, program_lines
     from planner.programs.times import line_table
 
     if job.path is None:

@@ -17,7 +17,8 @@ from cases import drives
 from check_plans import with_columns
 from rich.console import Console
 
-from feedplan.verdict import Verdict, quantity, to_json, to_text
+from feedplan.verdict import Verdict, to_json
+from feedplan.verdict_text import quantity, to_text
 from interp import replay
 from planner import check, load_curve, plan_feedrate
 from planner.status import Claim, Status
