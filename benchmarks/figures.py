@@ -30,7 +30,9 @@ from benchmarks.greedy import ALGORITHMS, limits
 from feedplan.cli.compare import FIGURE_TITLE, comparison_panels
 from feedplan.comparison import compare
 from feedplan.job import Job
-from interp.literature.greedy import PUBLISHED_COUNTS, GreedyRun, greedy
+from interp.literature.greedy import greedy
+from interp.literature.greedy_published import PUBLISHED_COUNTS
+from interp.literature.greedy_run import GreedyRun
 from planner import load_curve
 from planner.geometry.curve import Curve
 from planner.machine.feed_limits import feedrate_limits

@@ -30,7 +30,9 @@ from rich.box import SIMPLE
 from rich.console import Console
 from rich.table import Table
 
-from interp.literature.greedy import DEFECTS, PUBLISHED_COUNTS, PUBLISHED_LIMITS, Braking, greedy
+from interp.literature.greedy import greedy
+from interp.literature.greedy_published import DEFECTS, PUBLISHED_COUNTS, PUBLISHED_LIMITS
+from interp.literature.greedy_setup import Braking
 from planner import load_curve
 from planner.files.whole_file import require_writable, whole_file
 from planner.geometry.curve import Curve

@@ -17,7 +17,8 @@ from interp.replay import replay
 if TYPE_CHECKING:
     from interp.literature.feedshapes import FeedShape, filter_axes, interpolate_constant, interpolate_shape
     from interp.literature.forms import FORMS, replay_form
-    from interp.literature.greedy import GreedyRun, greedy
+    from interp.literature.greedy import greedy
+    from interp.literature.greedy_run import GreedyRun
     from interp.literature.lookahead import AdaptiveLimits, interpolate_adaptive
     from interp.literature.servo import XY_TABLE, AxisDrive, contour_error, track
     from interp.taylor import InterpolatorTable, TaylorTable, quintic_step, start, taylor_step
@@ -49,7 +50,8 @@ __all__ = [
 _HOME = {
     "interp.literature.feedshapes": ("FeedShape", "filter_axes", "interpolate_constant", "interpolate_shape"),
     "interp.literature.forms": ("FORMS", "replay_form"),
-    "interp.literature.greedy": ("GreedyRun", "greedy"),
+    "interp.literature.greedy": ("greedy",),
+    "interp.literature.greedy_run": ("GreedyRun",),
     "interp.literature.lookahead": ("AdaptiveLimits", "interpolate_adaptive"),
     "interp.literature.servo": ("XY_TABLE", "AxisDrive", "contour_error", "track"),
     "interp.taylor": ("InterpolatorTable", "TaylorTable", "quintic_step", "start", "taylor_step"),

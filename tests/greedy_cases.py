@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from interp.literature.greedy import PUBLISHED_COUNTS
+from interp.literature.greedy_published import PUBLISHED_COUNTS
 from planner import load_curve
 from planner.geometry.nurbs import NurbsCurve
 from planner.machine.limits import Limits

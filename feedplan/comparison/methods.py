@@ -22,7 +22,7 @@ from planner.types import FloatArray
 
 if TYPE_CHECKING:
     from interp.literature.feedshapes import ShapeName
-    from interp.literature.greedy import Braking
+    from interp.literature.greedy_setup import Braking
     from interp.literature.lookahead import Rule
     from planner.plan import Method
 

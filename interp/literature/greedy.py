@@ -21,207 +21,27 @@ the tolerance stands in limit 3.  Neither mode looks ahead; what that breaks is 
 
 Known limitation: the S-curves are functions of u and never reach 0 in a finite time, so a feed of ``min_feed`` enters
 and leaves the path in mode physical.
+
+In rooms of their own: what was printed (``greedy_published``), the arguments (``greedy_setup``), the loop in compiled form
+(``greedy_kernels``), the result (``greedy_run``).
 """
 
 from __future__ import annotations
 
-import operator
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from functools import cache
-from math import isfinite
-from typing import TYPE_CHECKING, Literal, NoReturn
+from typing import NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
+from interp.literature.greedy_run import GreedyRun, finish
+from interp.literature.greedy_setup import Braking, ErrorCurve, Formula, GreedySetup, Mode, StepFeed, Variant, set_up
 from planner.errors import InputError, StalledError
-from planner.geometry.catalog import read_curve
-from planner.geometry.chord import half_chord
 from planner.geometry.curve import Curve
-from planner.inputs import positive_number
-from planner.machine.feed_limits import FeedrateLimits
 from planner.machine.limits import Limits, require_limits
-from planner.profile import Samples
-from planner.quantity import JERK
 from planner.types import FloatArray, Progress
-
-if TYPE_CHECKING:
-    from types import ModuleType
-
-Mode = Literal["compat", "physical"]
-ErrorCurve = Literal["teardrop", "own"]
-Variant = Literal["theta", "root"]
-StepFeed = Literal["command", "planned"]
-Formula = Literal["published", "exact"]
-Braking = Literal["strict", "soft"]
-Path = tuple[FloatArray, FloatArray, bool]  # breaks in [0, 1], coefficients, rational: see ``greedy_kernels``
-
-PUBLISHED_COUNTS: Mapping[str, tuple[int, int, int, int]] = {
-    "teardrop": (5096, 9204, 7599, 7344),
-    "hypotrochoid": (3443, 9545, 7347, 7344),
-    "snailshell": (706, 14601, 7351, 7346),
-    "butterfly": (1800, 10875, 7348, 7345),
-}
-"""Numbers of points as printed, Algorithms 1 to 4, for the limits of :data:`PUBLISHED_LIMITS`."""
-
-PUBLISHED_LIMITS = {"feed": 20.0, "velocity": 30.0, "acceleration": 30.0, "jerk": 200.0, "chord_error": 1e-6}
-"""mm/s, mm/s, mm/s^2, mm/s^3, mm; the period is 1 ms.  The jerk is printed in mm/s^2."""
-
-_MISPRINT = (
-    "printed 9204 with a difference to Algorithm 3 of 1805; the program makes 9294 points (two digits swapped), and "
-    "1805 fits neither 9204 - 7599 = 1605, of which the printed 17 % is made, nor 9294 - 7599 = 1695"
-)
-_REMARKS = {
-    1: "printed with the start point counted",
-    4: "the print is within 2 of the loop, whose last push-up decides",
-}
-
-# Each defect of the published program: the argument, its value in the program, and repaired.
-DEFECTS: Mapping[str, tuple[str, str, str]] = {
-    "chord error on the wrong curve": ("error_curve", "teardrop", "own"),
-    "command feedrate in the step": ("step_feed", "command", "planned"),
-    "wrong Taylor term": ("taylor", "published", "exact"),
-    "wrong second derivatives": ("second_derivatives", "published", "exact"),
-}
 
 _CHUNK = 1 << 16  # passes between two looks at the number of steps
 _SLOW_CHUNK = 2048  # of the published back-off, thousands of trials a pass: some 50 ms
-_SCAN_POINTS = 1000
-_SINGULAR = 1e-12  # of the largest |C'|
-_NEAR_CUSP = 5e-3  # of it: what is slower counts as the cause of a stall
-_SAME_CURVE = 1e-9
-_COMPARED_POINTS = 33
-# Shares by which a value may pass its limit as rounding of the loop.
-_ROUNDING = {"feed": 1e-9, "chord error": 1e-7, "acceleration": 1e-6, "jerk": 1e-6}
-
-
-@dataclass(frozen=True, eq=False)
-class Violation:
-    """One limit of a run: how often it is broken, and where worst.
-
-    Attributes
-    ----------
-    limit, unit : str
-        "feed" (mm/s), "chord error" (mm), "acceleration" (mm/s^2, tangential) or "jerk" (mm/s^3, tangential).
-    count : int
-        Steps that break it.
-    worst, allowed : float
-        The value farthest beyond its limit, or nearest to it where nothing is broken, and the limit there.
-    u, t : float
-        Curve parameter and time, s, of that step's start.
-    index : int
-        Sample of that step's start.
-    indices : (count,) int array
-        Samples of all steps that break it.
-    """
-
-    limit: str
-    unit: str
-    count: int
-    worst: float
-    allowed: float
-    u: float
-    t: float
-    index: int
-    indices: NDArray[np.intp]
-
-    def __str__(self) -> str:
-        return (
-            f"{self.limit}: {self.count} steps beyond the limit, worst {self.worst:.6g} {self.unit} where "
-            f"{self.allowed:.6g} is allowed, at u = {self.u:.6g}, t = {self.t:.6g} s, sample {self.index}"
-        )
-
-
-@dataclass(frozen=True, eq=False)
-class GreedyRun:
-    """The points of one run and what is known at each of them.
-
-    An entry k of an array of shape (m,) belongs to sample k and, where it says so, to the step from k to k + 1.
-
-    Attributes
-    ----------
-    samples : Samples
-        One point a period; the first and the last are the ends of the curve.
-    algorithm : int
-    mode, variant : str
-    defects : tuple of str
-        Those of :data:`DEFECTS` that were on; for the second derivatives only where the curve is the butterfly.
-    n : int
-        Number of points as the thesis counts them: with the start for Algorithm 1, without it for the others.
-    published : int or None
-        The number printed for this curve, algorithm and limits, if there is one.
-    remark : str
-        Where that number errs, or how it was counted.
-    feed : (m,) array
-        Planned feedrate, mm/s.
-    actual_feed : (m,) array
-        Feedrate that the step makes, mm/s; in mode compat chord over period, and 0 behind the last step.
-    limit : (m,) array
-        Lowest feedrate limit, mm/s.
-    limits : FeedrateLimits
-        The four of them.  In mode compat limit 3 is made of the chord error of the step before, as published: it measures
-        and limits nothing.  inf where the algorithm has none.
-    chord_error : (m,) array
-        Distance between the step's chord and the curve, mm; 0 in the last entry.
-    controlled_error : (m,) array
-        The same on the curve that the algorithm looked at, the teardrop or its own.
-    acceleration : (m,) array
-        Change of the actual feed over the period, mm/s^2.  Mode compat starts and ends at rest, mode physical at
-        ``min_feed``.
-    acceleration_range : (m, 2) array
-        Least and largest tangential acceleration that keep every axis within its own, mm/s^2.
-    reported_acceleration : (m,) array
-        The column of the published program: change of the planned feed over the period, clipped to bounds of its own.
-    rows : tuple of Violation
-        Feed, chord error, acceleration, jerk; in mode compat those of the actual feed.
-    """
-
-    samples: Samples
-    algorithm: int
-    mode: Mode
-    variant: Variant
-    defects: tuple[str, ...]
-    n: int
-    published: int | None
-    remark: str
-    feed: FloatArray
-    actual_feed: FloatArray
-    limit: FloatArray
-    limits: FeedrateLimits
-    chord_error: FloatArray
-    controlled_error: FloatArray
-    acceleration: FloatArray
-    acceleration_range: FloatArray
-    reported_acceleration: FloatArray
-    rows: tuple[Violation, ...] = ()
-
-    def __post_init__(self) -> None:
-        for value in vars(self).values():
-            if isinstance(value, np.ndarray):
-                value.setflags(write=False)
-
-    @property
-    def u(self) -> FloatArray:
-        """Curve parameter of every sample, both ends included."""
-        return self.samples.u
-
-    @property
-    def duration(self) -> float:
-        """Number of steps times the period, s."""
-        return float(self.samples.t[-1])
-
-    @property
-    def violations(self) -> tuple[Violation, ...]:
-        """The rows whose limit is broken."""
-        return tuple(row for row in self.rows if row.count > 0)
-
-    def row(self, limit: str) -> Violation:
-        """Return the row of a limit: "feed", "chord error", "acceleration" or "jerk"."""
-        for row in self.rows:
-            if row.limit == limit:
-                return row
-        raise InputError(f"limit = {limit!r} must be one of {', '.join(row.limit for row in self.rows)}")
+_NEAR_CUSP = 5e-3  # of the largest |C'|: what is slower counts as the cause of a stall
 
 
 def greedy(
@@ -304,161 +124,19 @@ def greedy(
     limits = require_limits(curve, limits)
     if curve.tip is not curve:
         raise InputError(f"{curve.name} moves rotary axes; the algorithms of 2022 know linear axes only")
-    job = _job(
+    job = set_up(
         curve, limits, algorithm, mode, variant,
         {"error_curve": error_curve, "step_feed": step_feed, "taylor": taylor, "second_derivatives": second_derivatives},
         braking, (safety, u_rise, u_fall, min_feed), max_steps,
     )  # fmt: skip
     u, driving = _advance(job, progress)
-    return _finish(job, u, driving)
+    return finish(job, u, driving)
 
 
-@dataclass(frozen=True, eq=False)
-class _GreedySetup:
-    """A run as compiled code wants it."""
-
-    curve: Curve
-    limits: Limits
-    algorithm: int
-    mode: Mode
-    variant: Variant
-    repaired: Mapping[str, str]  # value of each argument of DEFECTS
-    max_steps: int
-    settings: FloatArray
-    own: Path
-    error: Path
-    top_speed: float
-
-    @property
-    def physical(self) -> bool:
-        return self.mode == "physical"
-
-    def setting(self, index: int) -> float:
-        return float(self.settings[index])
-
-
-def _kernels() -> ModuleType:
-    from interp.literature import greedy_kernels
-
-    return greedy_kernels
-
-
-def _job(
-    curve: Curve,
-    limits: Limits,
-    algorithm: int,
-    mode: Mode,
-    variant: Variant,
-    switches: Mapping[str, str | None],
-    braking: Braking,
-    shape: tuple[float, float, float, float],
-    max_steps: int,
-) -> _GreedySetup:
-    if algorithm not in (1, 2, 3, 4) or isinstance(algorithm, bool):
-        raise InputError(f"algorithm = {algorithm!r} must be 1, 2, 3 or 4")
-    _require_choice("mode", mode, ("compat", "physical"))
-    _require_choice("variant", variant, ("theta", "root"))
-    _require_choice("braking", braking, ("strict", "soft"))
-    physical = mode == "physical"
-    chosen = _switches(switches, physical)
-    safety, u_rise, u_fall, min_feed = _shape(*shape)
-    count = _step_count(max_steps)
-    if not isfinite(limits.feed):
-        raise InputError("feed = inf must be finite: these algorithms start from a commanded feedrate")
-    if not physical and algorithm >= 2 and not isfinite(limits.chord_error):
-        raise InputError(f"chord_error = inf must be finite for Algorithm {algorithm}, which holds the chord error")
-    k = _kernels()
-    first = np.linalg.norm(curve.derivatives(np.linspace(*curve.domain, _SCAN_POINTS), 1)[1], axis=-1)
-    top_speed = float(first.max()) * (curve.domain[1] - curve.domain[0])
-    settings = np.zeros(k.SETTINGS)
-    settings[k.PERIOD], settings[k.FEED], settings[k.TOLERANCE] = limits.period, limits.feed, limits.chord_error
-    settings[k.SAFETY], settings[k.RISE], settings[k.FALL], settings[k.FLOOR] = safety, u_rise, u_fall, min_feed
-    settings[k.JERK] = float(limits.of_motions(JERK.order).min())
-    settings[k.ALGORITHM], settings[k.ROOT] = algorithm, variant == "root"
-    settings[k.EXACT_TAYLOR], settings[k.PLANNED_FEED] = chosen["taylor"] == "exact", chosen["step_feed"] == "planned"
-    if chosen["second_derivatives"] == "published":
-        settings[k.WRONG_BEND] = _scale_of(curve, "butterfly")
-    settings[k.SOFT], settings[k.SINGULAR_SPEED] = braking == "soft", _SINGULAR * top_speed
-    own = _path(curve)
-    error = own if chosen["error_curve"] == "own" else _teardrop()
-    return _GreedySetup(curve, limits, algorithm, mode, variant, chosen, count, settings, own, error, top_speed)
-
-
-def _require_choice(name: str, value: object, allowed: tuple[str, ...]) -> None:
-    if value not in allowed:
-        raise InputError(f"{name} = {value!r} must be {' or '.join(repr(choice) for choice in allowed)}")
-
-
-def _switches(given: Mapping[str, str | None], physical: bool) -> dict[str, str]:
-    """Fill in what a mode means; mode physical has no defects to switch on."""
-    chosen = {}
-    for name, published, repaired in DEFECTS.values():
-        value = given[name]
-        if value is not None:
-            _require_choice(name, value, (published, repaired))
-        if physical and value == published:
-            raise InputError(f'{name} = {value!r} is a defect of mode "compat"; mode "physical" has {repaired!r}')
-        chosen[name] = value or (repaired if physical else published)
-    return chosen
-
-
-def _shape(safety: float, u_rise: float, u_fall: float, min_feed: float) -> tuple[float, float, float, float]:
-    factor, rise = positive_number(safety, "safety"), positive_number(u_rise, "u_rise")
-    fall, floor = positive_number(u_fall, "u_fall"), positive_number(min_feed, "min_feed")
-    if factor > 1.0:
-        raise InputError(f"safety = {factor!r} must lie in (0, 1]")
-    if rise >= 1.0 or fall >= 1.0:
-        raise InputError(f"u_rise = {rise!r} and u_fall = {fall!r} must lie in (0, 1), shares of the range of u")
-    if not isfinite(floor):
-        raise InputError("min_feed = inf must be finite, a feedrate in mm/s")
-    return factor, rise, fall, floor
-
-
-def _step_count(max_steps: int) -> int:
-    try:
-        count = operator.index(max_steps)
-    except TypeError:
-        count = 0
-    if count < 1:
-        raise InputError(f"max_steps = {max_steps!r} must be a whole number > 0")
-    return count
-
-
-def _path(curve: Curve) -> Path:
-    """The curve's pieces over [0, 1]."""
-    pieces = curve.pieces
-    u0, u1 = curve.domain
-    breaks = (pieces.breaks - u0) / (u1 - u0)
-    breaks[0], breaks[-1] = 0.0, 1.0
-    return breaks, pieces.powers, pieces.rational
-
-
-def _teardrop() -> Path:
-    """The teardrop as its own polynomials, which is exact, and fast where a back-off takes thousands of trials."""
-    x, y, one = [0.0, -150.0, 450.0, -300.0], [0.0, -150.0, 150.0, 0.0], [1.0, 0.0, 0.0, 0.0]
-    return np.array([0.0, 1.0]), np.array([[x, y, one]]), False
-
-
-@cache
-def _catalog_curve(name: str) -> Curve:
-    return read_curve(name)
-
-
-def _scale_of(curve: Curve, name: str) -> float:
-    """Factor by which the curve is a scaled copy of a catalog curve, point by point; 0 where it is none."""
-    model = _catalog_curve(name)
-    if curve.dim != model.dim:
-        return 0.0
-    share = np.linspace(0.0, 1.0, _COMPARED_POINTS)[1:-1]
-    points, expected = (c.derivatives(c.domain[0] + share * (c.domain[1] - c.domain[0]), 0)[0] for c in (curve, model))
-    scale = float(np.sum(points * expected) / np.sum(expected**2))
-    same = scale > 0.0 and np.abs(points - scale * expected).max() <= _SAME_CURVE * np.abs(points).max()
-    return scale if same else 0.0
-
-
-def _advance(job: _GreedySetup, progress: Progress | None) -> tuple[FloatArray, FloatArray]:
+def _advance(job: GreedySetup, progress: Progress | None) -> tuple[FloatArray, FloatArray]:
     """Run the loop to the end of the curve: parameters in [0, 1] of all points, and the feed of every step."""
-    k = _kernels()
+    from interp.literature import greedy_kernels as k
+
     size = _SLOW_CHUNK if job.variant == "theta" and job.algorithm >= 3 else _CHUNK
     state = np.zeros(k.STATE)
     state[k.PLANNED] = job.setting(k.FLOOR)
@@ -478,9 +156,10 @@ def _advance(job: _GreedySetup, progress: Progress | None) -> tuple[FloatArray, 
     return np.concatenate(parts), np.concatenate(feeds)
 
 
-def _stall(job: _GreedySetup, code: int, state: FloatArray, count: int) -> NoReturn:
+def _stall(job: GreedySetup, code: int, state: FloatArray, count: int) -> NoReturn:
     """Raise StalledError with the place, the cause and a remedy."""
-    k = _kernels()
+    from interp.literature import greedy_kernels as k
+
     u0, u1 = job.curve.domain
     u, du, speed = (float(state[i]) for i in (k.U, k.DU, k.SPEED))
     span = u1 - u0
@@ -513,138 +192,3 @@ def _stall(job: _GreedySetup, code: int, state: FloatArray, count: int) -> NoRet
     raise StalledError(
         f"Algorithm {job.algorithm} stopped on {job.curve.name} at u = {u0 + span * min(u, 1.0):.9g}, step {count}: {cause}"
     )
-
-
-def _finish(job: _GreedySetup, share: FloatArray, driving: FloatArray) -> GreedyRun:
-    """From the parameters in [0, 1] to everything that is reported."""
-    k = _kernels()
-    share = np.minimum(share, 1.0)
-    table = np.empty((share.size, k.COLUMNS))
-    before = np.concatenate([[job.setting(k.FLOOR)], driving]) if job.physical else np.empty(0)
-    k.along(*job.own, share, before, job.limits.velocity, job.limits.acceleration, job.settings, table)
-    seen = table[:, k.ERROR].copy()
-    if job.error is not job.own:
-        k.chord_errors(*job.error, share, seen)
-    four = _four_limits(job, table, seen)
-    feed, actual, start = _feeds(job, table, four.lowest, driving)
-    bound = table[:, k.PUBLISHED_BOUND]
-    published, remark = _published(job)
-    run = GreedyRun(
-        samples=_samples(job, share, start),
-        algorithm=job.algorithm,
-        mode=job.mode,
-        variant=job.variant,
-        defects=_defects(job),
-        n=share.size if job.algorithm == 1 else share.size - 1,
-        published=published,
-        remark=remark,
-        feed=feed,
-        actual_feed=actual,
-        limit=four.lowest,
-        limits=four,
-        chord_error=table[:, k.ERROR].copy(),
-        controlled_error=seen,
-        acceleration=np.diff(actual, prepend=start) / job.limits.period,
-        acceleration_range=table[:, [k.LOWEST, k.HIGHEST]],
-        reported_acceleration=np.clip(np.diff(feed, prepend=feed[0]) / job.limits.period, -bound, bound),
-    )
-    return replace(run, rows=_rows(job, run))
-
-
-def _samples(job: _GreedySetup, share: FloatArray, end_feed: float) -> Samples:
-    u0, u1 = job.curve.domain
-    u = np.clip(u0 + (u1 - u0) * share, u0, u1)
-    u[-1] = u1
-    times = job.limits.period * np.arange(u.size, dtype=np.float64)
-    return Samples(job.limits.period, times, u, job.curve.derivatives(u, 0)[0], end_feed, end_feed, job.curve.axes)
-
-
-def _feeds(
-    job: _GreedySetup, table: FloatArray, limit: FloatArray, driving: FloatArray
-) -> tuple[FloatArray, FloatArray, float]:
-    """Planned feedrate, that which the steps make, and that before the first step."""
-    k = _kernels()
-    if job.physical:
-        feed = np.append(driving, driving[-1])
-        return feed, feed, job.setting(k.FLOOR)
-    actual = np.append(table[:-1, k.LENGTH] / job.limits.period, 0.0)
-    planned = limit * table[:, k.SHAPE]
-    if job.setting(k.PLANNED_FEED) > 0.0:
-        planned = np.maximum(planned, np.minimum(limit, job.setting(k.FLOOR)))
-    return planned, actual, 0.0
-
-
-def _four_limits(job: _GreedySetup, table: FloatArray, seen: FloatArray) -> FeedrateLimits:
-    """The four feedrate limits; limit 3 from the tolerance, or from the error of the step before as published."""
-    k = _kernels()
-    count = table.shape[0]
-    planned = job.setting(k.PLANNED_FEED) > 0.0
-    if not planned:
-        error = np.append(np.inf, seen[:-1])
-    else:
-        error = np.full(count, job.limits.chord_error if job.algorithm >= 3 else np.inf)
-    third = 2.0 / job.limits.period * half_chord(table[:, k.CURVATURE], error)
-    third = np.where(np.isfinite(error), third, np.inf)
-    return FeedrateLimits(
-        np.full(count, job.limits.feed), table[:, k.AXIS_LIMIT].copy(), third, table[:, k.NORMAL_LIMIT].copy()
-    )
-
-
-def _defects(job: _GreedySetup) -> tuple[str, ...]:
-    k = _kernels()
-    found = [name for name, (argument, published, _) in DEFECTS.items() if job.repaired[argument] == published]
-    return tuple(name for name in found if name != "wrong second derivatives" or job.setting(k.WRONG_BEND) > 0.0)
-
-
-def _published(job: _GreedySetup) -> tuple[int | None, str]:
-    """The printed number of points of this curve under these limits, and what to know about it."""
-    given = (job.limits.feed, job.limits.chord_error, job.limits.period)
-    if job.physical or given != (PUBLISHED_LIMITS["feed"], PUBLISHED_LIMITS["chord_error"], 1e-3):
-        return None, ""
-    for name, counts in PUBLISHED_COUNTS.items():
-        if abs(_scale_of(job.curve, name) - 1.0) <= _SAME_CURVE:
-            remark = _MISPRINT if (name, job.algorithm) in {("teardrop", 2), ("teardrop", 3)} else ""
-            return counts[job.algorithm - 1], remark or _REMARKS.get(job.algorithm, "")
-    return None, ""
-
-
-def _rows(job: _GreedySetup, run: GreedyRun) -> tuple[Violation, ...]:
-    """Compare every step with the four limits."""
-    k = _kernels()
-    limits, period = job.limits, job.limits.period
-    # Limit 3 as published is the feed itself and cannot be broken; what Algorithm 4 pushes up is beyond it on purpose,
-    # up to the chord error, which has a row of its own.
-    four, lowest = run.limits, run.limit
-    if job.setting(k.PLANNED_FEED) == 0.0 or job.algorithm == 4:
-        lowest = np.minimum(np.minimum(four.command, four.axis_velocity), four.normal_acceleration)
-    low, high = run.acceleration_range[:, 0], run.acceleration_range[:, 1]
-    nearer = np.where(run.acceleration - high >= low - run.acceleration, high, low)
-    jerk = np.diff(run.acceleration, prepend=0.0) / period
-    most = np.copysign(job.setting(k.JERK), jerk)
-    tolerance = np.full(run.u.size, limits.chord_error)
-    # The machine comes to rest behind the last step of mode compat, so that the last sample counts there.
-    last = -1 if job.physical else run.u.size
-    # Rounding of the positions, where the feed is measured from them.
-    blur = 0.0 if job.physical else 8.0 * np.finfo(np.float64).eps * float(np.abs(run.samples.position).max())
-    feed, chord = run.actual_feed[:-1], run.chord_error[:-1]
-    acceleration = run.acceleration[:last]
-    over = np.maximum(acceleration - high[:last], low[:last] - acceleration)
-    return (
-        _row(run, "feed", "mm/s", (feed, lowest, feed - lowest[:-1]), blur / period),
-        _row(run, "chord error", "mm", (chord, tolerance, chord - limits.chord_error), 0.0),
-        _row(run, "acceleration", "mm/s^2", (acceleration, nearer, over), 2.0 * blur / period**2),
-        _row(run, "jerk", "mm/s^3", (jerk, most, np.abs(jerk[:last]) - job.setting(k.JERK)), 4.0 * blur / period**3),
-    )
-
-
-def _row(
-    run: GreedyRun, limit: str, unit: str, columns: tuple[FloatArray, FloatArray, FloatArray], blur: float
-) -> Violation:
-    """Count and locate, from the value, what is allowed, and how far the value is beyond that."""
-    value, allowed, excess = columns
-    worst = int(np.argmax(excess))
-    found = np.flatnonzero(excess > 0.0)  # rarely many: what is rounding is looked at for these alone
-    found = found[excess[found] > _ROUNDING[limit] * np.abs(allowed[found]) + blur]
-    found.setflags(write=False)
-    u, t = float(run.samples.u[worst]), float(run.samples.t[worst])
-    return Violation(limit, unit, found.size, float(value[worst]), float(allowed[worst]), u, t, worst, found)

@@ -9,7 +9,7 @@ import pytest
 from greedy_cases import CURVES, MADE, NAMES, REPAIRED, greedy_limit, limits
 
 from interp import greedy
-from interp.literature.greedy import DEFECTS, PUBLISHED_COUNTS
+from interp.literature.greedy_published import DEFECTS, PUBLISHED_COUNTS
 from planner import load_curve
 from planner.geometry.formula import FormulaCurve
 from planner.machine.limits import Limits
