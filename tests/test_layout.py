@@ -54,7 +54,7 @@ ELSEWHERE = {
     "programs/path/test_path.py": tuple(f"planner.programs.path.{name}" for name in ("measure", "moves", "stretch")),
     "programs/path/test_tube.py": ("planner.programs.path.tube_knots", "planner.programs.reading.noise"),
     "programs/reading/test_reader.py": tuple(
-        f"planner.programs.reading.{name}" for name in ("arcs", "blocks", "program", "words")
+        f"planner.programs.reading.{name}" for name in ("arcs", "blocks", "modal", "program", "words")
     ),
     "verify/certificate/test_certificate.py": (
         "planner.verify.certificate.places",

@@ -1,0 +1,217 @@
+"""What a program carries forward from block to block, and a part of the file to the next.
+
+The word of each modal group, the feed, the tolerances and the programmed position are columns with a value at every
+block: that of the last block that names it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.errors import InputError
+from planner.geometry.curve import MAX_COORDINATE
+from planner.inputs import numbers
+from planner.programs.reading.blocks import (
+    CENTRES,
+    DISTANCE,
+    FEED_MODE,
+    MOTION,
+    PATH_MODE,
+    PLANE,
+    UNITS,
+    Blocks,
+)  # fmt: skip
+from planner.programs.reading.program import AXES, LINE, RAPID, Event, Program
+from planner.programs.reading.words import IntArray, Mask
+from planner.types import FloatArray
+
+_INCH = 25.4
+_NO_STOP_KINDS = ("spindle", "coolant", "tool")
+
+
+@dataclass
+class ReadingState:
+    """What one part of the file hands to the next, and the moves so far."""
+
+    source: str
+    modal: dict[int, int] = field(
+        default_factory=lambda: {
+            MOTION: 800, PLANE: 170, UNITS: 210, DISTANCE: 900, CENTRES: 911, FEED_MODE: 940, PATH_MODE: 640
+        }
+    )  # fmt: skip
+    feed: float = np.nan  # mm/s under G94
+    feed_mode: int = 940
+    tolerance: float = np.nan
+    naive: float = np.nan
+    spindle: float = np.nan
+    tool: str = ""
+    programmed: FloatArray = field(default_factory=lambda: np.zeros(3))
+    position: FloatArray = field(default_factory=lambda: np.zeros(3))  # where the last kept move ends
+    first: FloatArray = field(default_factory=lambda: np.zeros(3))
+    known: list[bool] = field(default_factory=lambda: [False] * 3)
+    axis_lines: IntArray = field(default_factory=lambda: np.zeros(3, dtype=np.int64))
+    shifts: list[tuple[int, int, float]] = field(default_factory=list)
+    percents: int = 0
+    blocks: int = 0
+    ended: bool = False
+    line_count: int = 0
+    moves: int = 0
+    parts: list[MoveColumns] = field(default_factory=list)
+    events: list[Event] = field(default_factory=list)
+    zero_lines: list[IntArray] = field(default_factory=list)
+
+    def place(self, start: Sequence[float]) -> None:
+        """Set the first position."""
+        point = numbers(np.asarray(start), "start", InputError)
+        if point.shape != (3,) or not (np.abs(point) <= MAX_COORDINATE).all():
+            raise InputError(f"start = {start!r} must be three coordinates in mm, of at most 1e9")
+        self.programmed, self.position, self.first = point.copy(), point.copy(), point.copy()
+        self.known = [True] * 3
+
+    def stand(self, axis: int, at: float) -> None:
+        """Let an axis without a word so far have stood somewhere from the start, mm."""
+        self.shifts.append((axis, self.moves, at))
+        self.programmed[axis] = self.position[axis] = at
+
+    def require_end(self) -> None:
+        """Refuse a file without an end."""
+        if not self.ended:
+            line = max(self.line_count, 1)
+            if self.blocks == 0:
+                raise InputError(
+                    f"{self.source}:{line}: end of file: there is no block in it; a program needs a move and M2"
+                )
+            what, end = (
+                ("the closing % is missing", "%") if self.percents else ("there is no M2, M30 or closing %", "M2")
+            )
+            raise InputError(
+                f"{self.source}:{line}: end of file: {what}; the file may have been cut off, else end it with {end}"
+            )
+
+    def program(self) -> Program:
+        """Put the parts together."""
+        parts = self.parts or [MoveColumns.none()]
+        line, kind, end, centre, normal, sweep, feed, exact, tolerance, naive = (
+            np.concatenate([getattr(part, name) for part in parts]) for name in MoveColumns.__dataclass_fields__
+        )
+        for axis, count, shift in self.shifts:  # an axis stood there before its first word
+            end[:count, axis] += shift
+            centre[:count, axis] += shift
+            self.first[axis] += shift
+        start = np.concatenate([self.first[None], end[:-1]]) if line.size else end.copy()
+        rapid = kind == RAPID
+        stop = exact | rapid
+        stop[:-1] |= rapid[1:]
+        stop[-1:] = True
+        at = np.array([e.after_move for e in self.events if e.kind not in _NO_STOP_KINDS], dtype=np.int64)
+        stop[at[at >= 0]] = True
+        zero = np.concatenate([*self.zero_lines, np.empty(0, dtype=np.int64)])
+        return Program(
+            self.source, line, kind, start, end, centre, normal, sweep, feed, stop, tolerance, naive,
+            tuple(self.events), zero, self.line_count, self.axis_lines,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class MoveColumns:
+    """The kept moves of a part; columns as in Program, and whether G61 or G61.1 was active."""
+
+    line: IntArray
+    kind: NDArray[np.uint8]
+    end: FloatArray
+    centre: FloatArray
+    normal: NDArray[np.uint8]
+    sweep: FloatArray
+    feed: FloatArray
+    exact: Mask
+    tolerance: FloatArray
+    naive: FloatArray
+
+    @classmethod
+    def none(cls) -> MoveColumns:
+        """No moves."""
+        byte, number, point = np.empty(0, dtype=np.uint8), np.empty(0), np.empty((0, 3))
+        flag = np.empty(0, dtype=np.bool_)
+        return cls(np.empty(0, dtype=np.int64), byte, point, point, byte, number, number, flag, number, number)
+
+
+def _carried(given: Mask, value: NDArray[np.generic], before: float) -> NDArray[np.generic]:
+    """Carry values forward from where they are given; before the first, the value of the part before."""
+    last = np.maximum.accumulate(np.where(given, np.arange(given.size), -1))
+    return np.where(last >= 0, value[last], before)
+
+
+def carry_modal(blocks: Blocks, before: dict[int, int]) -> tuple[dict[int, int], dict[int, IntArray]]:
+    """The word of each modal group that is active at every block, and after the last."""
+    modal = {
+        group: np.asarray(_carried(blocks.g[group].given, blocks.g[group].value, code), dtype=np.int64)
+        for group, code in before.items()
+    }
+    return {group: int(column[-1]) for group, column in modal.items()}, modal
+
+
+def units(modal: dict[int, IntArray]) -> FloatArray:
+    """Length unit of every block, mm."""
+    return np.where(modal[UNITS] == 200, _INCH, 1.0)
+
+
+def carry_feeds(
+    blocks: Blocks, modal: dict[int, IntArray], unit: FloatArray, kind: IntArray, state: ReadingState
+) -> tuple[FloatArray, FloatArray]:
+    """Feed at every block in mm/s (G94), and moves a second (G93; nan elsewhere)."""
+    faults, f, mode = blocks.faults, blocks.letters["F"], modal[FEED_MODE]
+    per_minute, cuts = mode == 940, kind >= LINE
+    given = f.given & per_minute
+    changed = np.append(mode[0] != state.feed_mode, mode[1:] != mode[:-1])
+    feed = np.asarray(_carried(given | changed, np.where(given, f.value * unit / 60.0, np.nan), state.feed))
+    state.feed, state.feed_mode = float(feed[-1]), int(mode[-1])
+    word = np.where(blocks.g[MOTION].given, blocks.g[MOTION].word, blocks.first)
+    unnamed = cuts & ~blocks.g[MOTION].given
+    word[unnamed] = blocks.first_of("XYZIJKR", unnamed)
+    faults.add(word[cuts & per_minute & np.isnan(feed)], "no feed is given; F is missing")
+    faults.add(word[cuts & per_minute & (feed == 0.0)], "the feed is 0; F must be > 0")
+    faults.add(word[cuts & ~per_minute & ~f.given], "G93 needs an F in every block that cuts")
+    faults.add(f.at(cuts & ~per_minute & (f.value == 0.0)), "must be > 0")
+    faults.add(f.at(~cuts & ~per_minute), "under G93 an F belongs to a block with G1, G2 or G3")
+    return feed, np.where(cuts & ~per_minute & f.given, f.value / 60.0, np.nan)
+
+
+def carry_tolerances(blocks: Blocks, unit: FloatArray, state: ReadingState) -> tuple[FloatArray, FloatArray]:
+    """P and Q of G64 at every block, mm; 0 and nan under G61 and G61.1."""
+    path, p, q = blocks.g[PATH_MODE], blocks.letters["P"], blocks.letters["Q"]
+    blend = path.value == 640
+    given = np.where(blend, np.where(p.given, p.value * unit, np.nan), 0.0)
+    tolerance = np.asarray(_carried(path.given, given, state.tolerance))
+    naive = np.asarray(_carried(path.given, np.where(blend & q.given, q.value * unit, np.nan), state.naive))
+    state.tolerance, state.naive = float(tolerance[-1]), float(naive[-1])
+    return tolerance, naive
+
+
+def carry_positions(
+    blocks: Blocks, modal: dict[int, IntArray], unit: FloatArray, kind: IntArray, state: ReadingState
+) -> FloatArray:
+    """Programmed point before the first and after every block, (n + 1, 3), mm."""
+    absolute = modal[DISTANCE] == 900
+    rows = np.arange(absolute.size)
+    out = np.empty((absolute.size + 1, 3))
+    for axis, name in enumerate(AXES):
+        column = blocks.letters[name]
+        target = column.value * unit
+        if column.given.any() and state.axis_lines[axis] == 0:
+            row = int(np.argmax(column.given))
+            state.axis_lines[axis] = blocks.line[row]
+            if not state.known[axis] and absolute[row] and kind[row] == RAPID:
+                state.stand(axis, float(target[row]))
+        steps = np.cumsum(np.where(column.given & ~absolute, target, 0.0))
+        last = np.maximum.accumulate(np.where(column.given & absolute, rows, -1))
+        since = np.where(last >= 0, steps - steps[last], steps)
+        out[1:, axis] = np.where(last >= 0, target[last], state.programmed[axis]) + since
+        out[0, axis] = state.programmed[axis]
+    far = np.flatnonzero((np.abs(out[1:]) > MAX_COORDINATE * _INCH).any(axis=1))
+    blocks.faults.add(blocks.first[far], "leads farther than 2.5e10 mm from 0")
+    state.programmed = out[-1].copy()
+    return out
