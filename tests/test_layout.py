@@ -36,7 +36,9 @@ ELSEWHERE = {
         "planner.output.table_header",
         "planner.verify.implied_columns",
     ),
-    "plan/solvers/test_scurve.py": ("planner.plan.solvers.arcpath",),
+    "plan/solvers/test_scurve.py": tuple(
+        f"planner.plan.solvers.{name}" for name in ("arcpath", "scurve_blocks", "scurve_search")
+    ),
     "plan/solvers/test_accelerations.py": ("planner.plan.solvers.acceleration_kernels",),
     "plan/test_bounds.py": tuple(
         f"planner.plan.dual.{name}" for name in ("method", "method_kernels", "problem", "terms")
