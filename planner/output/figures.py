@@ -96,7 +96,7 @@ def figure_style() -> Iterator[None]:
         yield
 
 
-def lay_out(figure: Figure) -> None:
+def place_panels(figure: Figure) -> None:
     """Lay a figure out, under its style and once for all: it then looks the same wherever it is drawn.
 
     Every later drawing would start from the layout before it, and end a little elsewhere; and how many numbers fit beside

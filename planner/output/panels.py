@@ -14,7 +14,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from planner.errors import InputError
-from planner.output.figures import CHARACTER_MM, DASHED, LINE_MM, envelope, figure_style, inches, lay_out
+from planner.output.figures import CHARACTER_MM, DASHED, LINE_MM, envelope, figure_style, inches, place_panels
 from planner.output.palette import FAINT, INK, SERIES
 from planner.output.panel_choice import NARROW_MM, PAGE_MM, require_width
 from planner.types import FloatArray
@@ -122,7 +122,7 @@ def plot_panels(title: str, panels: Sequence[Panel], *, columns: int = 2, width_
             axes.set_axis_off()
         for row in range(rows):
             _share_heights(grid[row], panels[row * columns : (row + 1) * columns])
-        lay_out(figure)
+        place_panels(figure)
     return figure
 
 

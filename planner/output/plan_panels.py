@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 _FEED_MAP = "viridis"
 _PATH_POINTS = 2500
 _PATH_ROOM_MM = 15.0  # beside and below a path, for its labels
-_LOWEST_PATH_MM = 32.0
+_MIN_PATH_MM = 32.0
 # A path in space is seen from the front right and from above, in parallel: each axis to the right and up.
 _FROM, _ABOVE_BY = np.radians(60.0), np.radians(30.0)
 _VIEW = np.array(
@@ -62,7 +62,7 @@ def path_height(curve: Curve, traces: PlanTraces, width: float) -> float:
     span = np.ptp(seen, axis=0)
     ratio = 0.5 if moving.size == 1 else float(span[1] / span[0])
     room = width - 2.0 * _PATH_ROOM_MM  # numbers and label left, colours right
-    return float(np.clip(room * ratio, _LOWEST_PATH_MM, room)) + _PATH_ROOM_MM  # of a path in space for its three lines
+    return float(np.clip(room * ratio, _MIN_PATH_MM, room)) + _PATH_ROOM_MM  # of a path in space for its three lines
 
 
 def _moving(curve: Curve, position: FloatArray) -> Any:

@@ -12,7 +12,7 @@ from planner.errors import InputError
 from planner.geometry.curve import Curve
 from planner.inputs import require_instance
 from planner.machine.limits import Limits, require_limits
-from planner.output.figures import CHARACTER_MM, LINE_MM, figure_style, inches, lay_out
+from planner.output.figures import CHARACTER_MM, LINE_MM, figure_style, inches, place_panels
 from planner.output.panel_choice import NARROW_MM, PAGE_MM, PLAN_PANELS, panel_names, require_width
 from planner.output.plan_panels import (
     draw_binding,
@@ -113,7 +113,7 @@ def plot_plan(
         if over_time:
             rest = {name: heights[name] for name in over_time}
             _draw_over_time(parts[-1], rest, curve, limits, profile, samples, traces)
-        lay_out(figure)
+        place_panels(figure)
     return figure
 
 
