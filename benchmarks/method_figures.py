@@ -25,7 +25,7 @@ from benchmarks import method
 from benchmarks.method import Case
 from interp import replay
 from planner.law import TimeLaw
-from planner.output.figures import figure_style, lay_out, save_plot
+from planner.output.figures import figure_style, place_panels, save_plot
 from planner.output.palette import FAINT, INK, SERIES
 from planner.output.plan_panels import draw_binding, draw_shares
 from planner.output.traces import trace_plan
@@ -47,7 +47,7 @@ def _page(height: float, rows: int, columns: int, **options: Any) -> Iterator[tu
     with figure_style():
         figure = Figure(figsize=(_WIDTH, height), layout="constrained")
         yield figure, figure.subplots(rows, columns, squeeze=False, **options)
-        lay_out(figure)
+        place_panels(figure)
 
 
 def _limit(axes: Any, value: float = 1.0) -> None:
@@ -339,7 +339,7 @@ def between_figure(of: Case, intervals: int = method.INTERVALS) -> Figure:
         whole.set(xlabel="arc length, mm", ylabel="slowing down\nneeded, - 1", xlim=(0.0, of.curve.length))
         whole.set_ylim(_MIN_EXCESS, 2e-2)
         whole.legend(loc="upper right", ncols=2)
-        lay_out(figure)
+        place_panels(figure)
     return figure
 
 
