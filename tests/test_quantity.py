@@ -72,9 +72,9 @@ def test_motions_are_the_axes_and_the_arc_length():
 
 
 def test_no_module_spells_the_tangential_limits_again():
-    """The words of a quantity that is not of an axis stand in the table, in Limits and in what reads a controller's file."""
+    """The words of a quantity that is not of an axis stand in the table and in Limits; and each has its colour."""
     words = re.compile("|".join(f"{q.key}|{q.label}" for q in TANGENTIAL))
-    allowed = {"planner/quantity.py", "planner/machine/limits.py"}
+    allowed = {"planner/quantity.py", "planner/machine/limits.py", "planner/output/palette.py"}
     found = set()
     for package in ("planner", "interp", "feedplan"):
         for path in sorted((ROOT / package).rglob("*.py")):
