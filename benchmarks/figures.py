@@ -38,7 +38,7 @@ from planner.geometry.curve import Curve
 from planner.machine.feed_limits import feedrate_limits
 from planner.output.figures import save_plot
 from planner.output.panels import Line, Panel, plot_panels
-from planner.profile import Samples
+from planner.samples import Samples
 from planner.types import FloatArray
 
 LIMITS = limits()

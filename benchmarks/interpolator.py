@@ -37,7 +37,8 @@ from planner.geometry.curve import Curve
 from planner.machine.limits import Limits
 from planner.machine.machine_file import load_limits
 from planner.plan import plan_feedrate
-from planner.profile import FeedrateProfile, Samples
+from planner.profile import FeedrateProfile
+from planner.samples import Samples
 
 FloatArray = NDArray[np.float64]
 # Of the quintic at each period: the worst ratios (velocity, acceleration, jerk) and feed fluctuation over all phases.

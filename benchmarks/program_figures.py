@@ -22,7 +22,7 @@ from planner.output.figures import save_plot
 from planner.output.panels import Line, Panel, plot_panels
 from planner.programs.path.deviation import deviation
 from planner.programs.path.moves import MovingBlocks
-from planner.programs.path.path import ProgramPath, program_path
+from planner.programs.path.smooth_path import ProgramPath, program_path
 from planner.programs.reading.program import Program
 from planner.programs.times import times_at
 from planner.types import FloatArray

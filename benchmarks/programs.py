@@ -30,7 +30,7 @@ from benchmarks.linuxcnc.machine import run_program
 from feedplan.job import Job
 from planner import FeedrateProfile, Limits, Program, __version__, read_program
 from planner.output.ngc_program import write_program
-from planner.programs.path.path import ProgramPath, program_path
+from planner.programs.path.smooth_path import ProgramPath, program_path
 from planner.programs.times import line_times
 
 FOLDER = Path(__file__).resolve().parents[1] / "tests" / "data" / "programs"

@@ -35,7 +35,8 @@ from planner.files.whole_file import require_writable, whole_file
 from planner.geometry.curve import Curve
 from planner.machine.limits import Limits
 from planner.plan import plan_feedrate
-from planner.profile import FeedrateProfile, Samples
+from planner.profile import FeedrateProfile
+from planner.samples import Samples
 
 FloatArray = NDArray[np.float64]
 Ratios = tuple[float, ...]

@@ -25,10 +25,11 @@ if TYPE_CHECKING:
     from planner.geometry.curve import Curve
     from planner.machine.limits import Limits
     from planner.output.ngc import Mode, WrittenProgram
-    from planner.profile import FeedrateProfile, Samples
-    from planner.programs.path.path import ProgramPath
+    from planner.profile import FeedrateProfile
+    from planner.programs.path.smooth_path import ProgramPath
     from planner.programs.reading.program import Program
     from planner.programs.times import LineTimes
+    from planner.samples import Samples
     from planner.types import Progress
     from planner.verify import Report
 

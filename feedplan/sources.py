@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from planner.geometry.curve import Curve
     from planner.geometry.tolerance import PathTolerance
     from planner.machine.limits import Limits
-    from planner.programs.path.path import ProgramPath
+    from planner.programs.path.smooth_path import ProgramPath
     from planner.programs.reading.program import Program
 
 # Of the tolerance, where a program is written too: the path takes this, and the lines of the program the rest.

@@ -18,13 +18,14 @@ from planner.frames import Tabular
 from planner.geometry.curve import Curve
 from planner.machine.feed_limits import COMMANDS
 from planner.machine.limits import Limits
-from planner.profile import BOUND_TOLERANCE, FeedrateProfile, Samples
+from planner.profile import BOUND_TOLERANCE, FeedrateProfile
 from planner.quantity import QUANTITIES
+from planner.samples import Samples
 from planner.status import Claim
 from planner.verify import Report, Row
 
 if TYPE_CHECKING:
-    from planner.programs.path.path import ProgramPath
+    from planner.programs.path.smooth_path import ProgramPath
     from planner.verify.certificate import BoundReport
 
 # Rows of a report that are limits of the machine; the others say that a plan is a plan at all, and are counted.

@@ -7,7 +7,8 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from feedplan.verdict import Verdict, percent, side_by_side
-from planner.profile import FeedrateProfile, Samples
+from planner.profile import FeedrateProfile
+from planner.samples import Samples
 from planner.status import Claim
 from planner.verify import Report, Row
 
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
     from rich.table import Table
 
-    from planner.programs.path.path import ProgramPath
+    from planner.programs.path.smooth_path import ProgramPath
     from planner.programs.reading.program import Program
 
 _SHARE_SHOWN = 0.005  # limits that hold the path back for less of the time are summed up

@@ -11,7 +11,8 @@ from interp.periods import MAX_SAMPLES, WHOLE_PERIOD
 from planner.errors import InputError
 from planner.geometry.curve import Curve
 from planner.inputs import require_instance
-from planner.profile import FeedrateProfile, Samples
+from planner.profile import FeedrateProfile
+from planner.samples import Samples
 from planner.types import FloatArray
 
 if TYPE_CHECKING:

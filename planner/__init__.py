@@ -42,13 +42,14 @@ if TYPE_CHECKING:
     from planner.output.table import read_table, table_limits, write_table
     from planner.plan import plan_feedrate
     from planner.plan.bounds import certify
-    from planner.profile import FeedrateProfile, ProfileStates, Samples
+    from planner.profile import FeedrateProfile, ProfileStates
     from planner.programs.long.windows import ProgramPlan, plan_program
-    from planner.programs.path.path import ProgramPath, program_path
+    from planner.programs.path.smooth_path import ProgramPath, program_path
     from planner.programs.reading.program import Program
     from planner.programs.reading.reader import read_program
     from planner.programs.source import load_curve
     from planner.programs.times import LineTimes, line_times
+    from planner.samples import Samples
     from planner.verify import Report, Row, check
 
 __all__ = [
@@ -120,13 +121,14 @@ _HOME = {
     "planner.output.table": ("read_table", "table_limits", "write_table"),
     "planner.plan": ("plan_feedrate",),
     "planner.plan.bounds": ("certify",),
-    "planner.profile": ("FeedrateProfile", "ProfileStates", "Samples"),
+    "planner.profile": ("FeedrateProfile", "ProfileStates"),
     "planner.programs.long.windows": ("ProgramPlan", "plan_program"),
-    "planner.programs.path.path": ("ProgramPath", "program_path"),
+    "planner.programs.path.smooth_path": ("ProgramPath", "program_path"),
     "planner.programs.reading.program": ("Program",),
     "planner.programs.reading.reader": ("read_program",),
     "planner.programs.source": ("load_curve",),
     "planner.programs.times": ("LineTimes", "line_times"),
+    "planner.samples": ("Samples",),
     "planner.verify": ("Report", "Row", "check"),
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}

@@ -1,4 +1,4 @@
-"""The plan as a function of time, and the samples a replay makes of it.
+"""The plan as a function of time.
 
 A plan is a time law (``law.py``) on its curve, with what its solver says of it.
 """
@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from planner.errors import InputError
 from planner.frames import Tabular
 from planner.geometry.continuity import MAX_DERIVATIVE
-from planner.geometry.curve import DEFAULT_AXES, ROTARY_AXES, Curve
+from planner.geometry.curve import Curve
 from planner.geometry.differential import chain_rule, curvature, rates_along
 from planner.inputs import shorten
 from planner.law import TimeLaw, quintic_coefficients
@@ -24,6 +24,7 @@ from planner.machine.limit_rows import limit_rows
 from planner.machine.limits import Limits
 from planner.origin import Origin
 from planner.quantity import CHORD_ERROR, FEED, NONE, limit_names
+from planner.samples import axis_columns
 from planner.status import Claim, Status, Work
 from planner.types import FloatArray
 
@@ -177,7 +178,7 @@ class FeedrateProfile(Tabular):
             "t_s": self.t,
             "u": self.u,
             "s_mm": self.s,
-            **_axis_columns(self.curve.axes, self.curve.derivatives(self.u, 0)[0]),
+            **axis_columns(self.curve.axes, self.curve.derivatives(self.u, 0)[0]),
             "feed_mm_s": self.feed,
             "acceleration_mm_s2": self.acceleration,
             "jerk_mm_s3": self.jerk,
@@ -205,64 +206,6 @@ class FeedrateProfile(Tabular):
         share = half / (2.0 * self.duration)
         order = np.argsort(-share, kind="stable")
         return {self.limit_names[i]: float(share[i]) for i in order if share[i] > 0.0}
-
-
-@dataclass(frozen=True, eq=False)
-class Samples(Tabular):
-    """One point a period, as a controller would send them to the drives.
-
-    ``to_frame()`` gives them as a ``pandas.DataFrame`` where pandas is installed, else as a plain dict of arrays; so does
-    ``pandas.DataFrame(samples)``.
-
-    Attributes
-    ----------
-    period : float
-        Time between two samples, s.
-    t : (m,) array
-        Multiples of the period; the last is ceil(duration / period) periods.
-    u : (m,) array
-        Curve parameter.
-    position : (m, dim) array
-        Machine axes, mm (rad for rotary axes); the last row is the end of the curve exactly.
-    start_feed, end_feed : float
-        Feed of the plan at the first and last sample, mm/s.  Where it is 0 the point is held beyond the end; elsewhere
-        the path goes on, and a last period cut short by the end of the curve is no motion of the machine's.
-    axes : tuple of str
-        Names of the machine axes; X, Y, Z, U, V, W if left out.
-    """
-
-    period: float
-    t: FloatArray
-    u: FloatArray
-    position: FloatArray
-    start_feed: float = 0.0
-    end_feed: float = 0.0
-    axes: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        for array in (self.t, self.u, self.position):
-            array.setflags(write=False)
-        if not self.axes and self.position.ndim == 2:
-            object.__setattr__(self, "axes", DEFAULT_AXES[: self.position.shape[1]])
-
-    def columns(self) -> Mapping[str, NDArray[Any]]:
-        """Return the columns of the table of samples, one row a period, by the names they have there."""
-        return {"t_s": self.t, "u": self.u, **_axis_columns(self.axes, self.position)}
-
-    def __len__(self) -> int:
-        """Number of samples."""
-        return self.t.size
-
-    def __repr__(self) -> str:
-        return (
-            f"Samples: {self.t.size}, one every {1e3 * self.period:g} ms until {float(self.t[-1]):.6g} s, of "
-            f"{' '.join(self.axes)}\n    feed {self.start_feed:g} mm/s at the first, {self.end_feed:g} mm/s at the last"
-        )
-
-
-def _axis_columns(axes: tuple[str, ...], position: FloatArray) -> dict[str, FloatArray]:
-    """Columns of the machine axes, by name and unit."""
-    return {f"{axis}_{'rad' if axis in ROTARY_AXES else 'mm'}": position[:, j] for j, axis in enumerate(axes)}
 
 
 def along_tip(

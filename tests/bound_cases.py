@@ -12,7 +12,7 @@ from strategies import random_nurbs
 from planner import Limits, load_limits
 from planner.geometry.curve import Curve
 from planner.geometry.nurbs import NurbsCurve
-from planner.programs.path.path import program_path
+from planner.programs.path.smooth_path import program_path
 from planner.programs.reading.program import Program
 from planner.programs.reading.reader import read_program
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from planner.law import TimeLaw
 from planner.machine.limits import Limits
-from planner.profile import Samples, make_profile
+from planner.profile import make_profile
+from planner.samples import Samples
 
 # planner.verify is the function, not the package of the same name, so modules are asked for by name.
 package = importlib.import_module("planner.verify")

@@ -26,6 +26,7 @@ ORDER = (
     "planner.law",
     "planner.status",
     "planner.origin",
+    "planner.samples",
     "planner.profile",
     "planner.certificate",
     "planner.verify",

@@ -53,8 +53,14 @@ ELSEWHERE = {
     ),
     "programs/path/test_absorb.py": ("planner.programs.path.corner_sizes",),
     "programs/path/test_corners.py": ("planner.geometry.blend",),
-    "programs/path/test_path.py": tuple(f"planner.programs.path.{name}" for name in ("measure", "moves", "stretch")),
-    "programs/path/test_tube.py": ("planner.programs.path.tube_knots", "planner.programs.reading.noise"),
+    "programs/path/test_smooth_path.py": tuple(
+        f"planner.programs.path.{name}" for name in ("measure", "moves", "stretch")
+    ),
+    "programs/path/test_tube.py": (
+        "planner.programs.path.path_kernels",
+        "planner.programs.path.tube_knots",
+        "planner.programs.reading.noise",
+    ),
     "programs/reading/test_reader.py": tuple(
         f"planner.programs.reading.{name}" for name in ("arcs", "blocks", "modal", "program", "words")
     ),
@@ -62,10 +68,11 @@ ELSEWHERE = {
         "planner.verify.certificate.places",
         "planner.verify.certificate.shapes",
     ),
+    "test_profile.py": ("planner.samples",),
     "verify/test_motion.py": ("planner.verify.peaks", "planner.verify.quantities"),
     "verify/test_rotary.py": ("planner.verify.steps", "planner.verify.tiplength"),
     "verify/test_verify.py": tuple(
-        f"planner.verify.{name}" for name in ("chords", "meanjerk", "profile", "report", "samples", "sizes")
+        f"planner.verify.{name}" for name in ("between_nodes", "chords", "differences", "findings", "meanjerk", "sizes")
     ),
 }
 # Files that are named after no module, by what they are about.

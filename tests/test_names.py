@@ -47,6 +47,17 @@ def test_a_public_function_is_defined_once_in_its_package():
     assert repeated == {}
 
 
+def test_a_module_has_a_name_of_its_own():
+    """Among all packages, and none that of the room it stands in; only a command has that of what it runs."""
+    places = defaultdict(set)
+    for path in (path for paths in FILES.values() for path in paths):
+        if path.stem not in {"__init__", "__main__"} and path.parent.name != "cli":
+            places[path.stem].add(path.relative_to(ROOT).as_posix())
+    assert len(places) > 100
+    assert {name: found for name, found in places.items() if len(found) > 1} == {}
+    assert {name for name, found in places.items() for path in found if Path(path).parent.name == name} == set()
+
+
 def test_bounds_are_called_min_and_max():
     bound = re.compile(r"^_?(LEAST|MOST|FEWEST|LARGEST|SMALLEST|HIGHEST|LOWEST|MINIMUM|MAXIMUM)_")
     named = {

@@ -17,7 +17,8 @@ from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
 from planner.law import TimeLaw
 from planner.output.table import write_samples
-from planner.profile import Samples, make_profile
+from planner.profile import make_profile
+from planner.samples import Samples
 
 LINE = NurbsCurve([[0.0, 0.0], [40.0, 30.0]], [0, 0, 50, 50], 1)
 

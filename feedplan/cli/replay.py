@@ -24,7 +24,8 @@ from feedplan.job import load_job_of_table
 from planner.files.formats import ANY_COLUMN_FORMAT
 
 if TYPE_CHECKING:
-    from planner.profile import FeedrateProfile, Samples
+    from planner.profile import FeedrateProfile
+    from planner.samples import Samples
 
 _SAMPLES_AT_ONCE = 1_000_000  # bounds the memory that evaluating the plan takes
 

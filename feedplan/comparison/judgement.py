@@ -13,8 +13,9 @@ from feedplan.job import Job
 from interp.literature.feedshapes import SLOWEST_FEED
 from planner.geometry.curve import Curve
 from planner.machine.limits import Limits
-from planner.profile import FeedrateProfile, Samples
+from planner.profile import FeedrateProfile
 from planner.quantity import JERK, QUANTITIES
+from planner.samples import Samples
 from planner.verify import Row
 
 LETTERS = {quantity.label: quantity.letter for quantity in QUANTITIES}

@@ -16,8 +16,9 @@ from planner.geometry.curve import ROTARY_AXES, Curve
 from planner.geometry.differential import arc_derivatives
 from planner.machine.feed_limits import feedrate_limits
 from planner.machine.limits import Limits
-from planner.profile import FeedrateProfile, Samples
+from planner.profile import FeedrateProfile
 from planner.quantity import ACCELERATION, JERK, Quantity
+from planner.samples import Samples
 from planner.types import FloatArray
 
 if TYPE_CHECKING:

@@ -28,7 +28,7 @@ from interp.periods import MAX_SAMPLES, WHOLE_PERIOD
 from planner.errors import InputError
 from planner.geometry.curve import Curve
 from planner.inputs import coordinates, positive_number, require_instance
-from planner.profile import Samples
+from planner.samples import Samples
 from planner.types import FloatArray
 
 ShapeName = Literal["trapezoid", "exponential", "bell"]

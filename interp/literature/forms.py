@@ -32,7 +32,8 @@ from interp.taylor import InterpolatorTable, TaylorTable, runner, start
 from planner.errors import InputError, StalledError
 from planner.geometry.curve import Curve
 from planner.inputs import require_instance
-from planner.profile import FeedrateProfile, Samples
+from planner.profile import FeedrateProfile
+from planner.samples import Samples
 from planner.types import FloatArray
 
 FormName = Literal[

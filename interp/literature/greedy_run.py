@@ -12,7 +12,7 @@ from interp.literature.greedy_setup import GreedySetup, Mode, Variant
 from planner.errors import InputError
 from planner.geometry.chord import half_chord
 from planner.machine.feed_limits import FeedrateLimits
-from planner.profile import Samples
+from planner.samples import Samples
 from planner.types import FloatArray
 
 # Shares by which a value may pass its limit as rounding of the loop.

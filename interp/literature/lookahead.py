@@ -41,7 +41,7 @@ from planner.geometry.nurbs import NurbsCurve
 from planner.inputs import positive_number, require_instance
 from planner.machine.feed_limits import chord_feed_limit
 from planner.machine.limits import Limits
-from planner.profile import Samples
+from planner.samples import Samples
 from planner.types import FloatArray
 
 Rule = Literal["averaged", "uniform"]

@@ -24,7 +24,8 @@ from planner.files.whole_file import whole_file
 from planner.geometry.curve import Curve
 from planner.inputs import positive_number, require_instance
 from planner.law import TimeLaw
-from planner.profile import FeedrateProfile, Samples
+from planner.profile import FeedrateProfile
+from planner.samples import Samples
 from planner.types import FloatArray
 from planner.verify import Report, check
 

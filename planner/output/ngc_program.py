@@ -15,7 +15,7 @@ import numpy as np
 from planner.inputs import require_instance
 from planner.output.ngc import Mode, WrittenProgram, write_ngc
 from planner.profile import FeedrateProfile
-from planner.programs.path.path import ProgramPath
+from planner.programs.path.smooth_path import ProgramPath
 from planner.programs.reading.program import AXES, Program
 from planner.verify import Report
 

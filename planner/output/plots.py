@@ -25,9 +25,10 @@ from planner.output.plan_panels import (
     share_names,
 )
 from planner.output.traces import PlanTraces, trace_chord_error, trace_plan
-from planner.profile import FeedrateProfile, Samples
+from planner.profile import FeedrateProfile
+from planner.samples import Samples
 from planner.verify import Report, check
-from planner.verify.report import BREAKS
+from planner.verify.findings import BREAKS
 
 _USUAL = ("path", "feed", "acceleration", "jerk", "chord", "binding")
 _SHARES = ("velocity", "acceleration", "jerk")

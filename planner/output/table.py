@@ -37,13 +37,14 @@ from planner.output.table_header import (
     status_of,
     tolerance_lines,
 )
-from planner.profile import BOUND_TOLERANCE, FeedrateProfile, Samples
+from planner.profile import BOUND_TOLERANCE, FeedrateProfile
 from planner.quantity import AXIS, limit_names
+from planner.samples import Samples
 from planner.status import Claim
 from planner.types import FloatArray
 from planner.verify import Report, check
+from planner.verify.findings import BREAKS, HOLDS
 from planner.verify.implied_columns import Nodes
-from planner.verify.report import BREAKS, HOLDS
 
 _PLAN_FORMAT = "feedplan-table 2"
 _SAMPLES_FORMAT = "feedplan-samples 2"

@@ -18,7 +18,8 @@ from planner.geometry.curve import Curve
 from planner.geometry.differential import chain_rule, rates_along
 from planner.machine.feed_limits import feedrate_limits
 from planner.machine.limits import Limits, require_limits
-from planner.profile import FeedrateProfile, Samples
+from planner.profile import FeedrateProfile
+from planner.samples import Samples
 from planner.types import FloatArray, Side
 
 _CHUNK = 100_000  # points evaluated at once; bounds the memory, changes no result

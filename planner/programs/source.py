@@ -17,7 +17,7 @@ from planner.programs import SUFFIXES
 
 if TYPE_CHECKING:
     from planner.machine.limits import Limits
-    from planner.programs.path.path import ProgramPath
+    from planner.programs.path.smooth_path import ProgramPath
     from planner.programs.reading.program import Program
 
 EXAMPLE = "mill"
@@ -48,8 +48,8 @@ def load_curve(
     -------
     Curve
         Of a part program its ``feed_caps`` are the F words.  Lines, dwells and tools are those of
-        :func:`~planner.programs.reading.reader.read_program` and :func:`~planner.programs.path.path.program_path`, which
-        this calls.
+        :func:`~planner.programs.reading.reader.read_program` and
+        :func:`~planner.programs.path.smooth_path.program_path`, which this calls.
 
     Raises
     ------
@@ -82,7 +82,7 @@ def path_of(program: Program, limits: Limits, tolerance: float | None, share: fl
 
     ``tolerance`` in mm stands in place of the program's P words.
     """
-    from planner.programs.path.path import program_path
+    from planner.programs.path.smooth_path import program_path
 
     if tolerance is None:
         path = program_path(replace(program, tolerance=share * given_tolerances(program)), None, limits)

@@ -19,7 +19,7 @@ from planner.errors import InputError
 from planner.frames import Tabular
 from planner.inputs import require_instance
 from planner.profile import FeedrateProfile
-from planner.programs.path.path import ProgramPath
+from planner.programs.path.smooth_path import ProgramPath
 from planner.programs.reading.program import ARC, LINE, RAPID, Program
 from planner.types import FloatArray
 

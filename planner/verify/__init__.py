@@ -39,10 +39,11 @@ from planner.errors import InputError
 from planner.geometry.curve import Curve
 from planner.inputs import require_instance
 from planner.machine.limits import Limits, require_limits
-from planner.profile import FeedrateProfile, Samples
-from planner.verify.profile import check_profile
-from planner.verify.report import Report, Row, Rows
-from planner.verify.samples import check_samples
+from planner.profile import FeedrateProfile
+from planner.samples import Samples
+from planner.verify.between_nodes import check_profile
+from planner.verify.differences import check_samples
+from planner.verify.findings import Report, Row, Rows
 
 __all__ = ["Report", "Row", "check"]
 

@@ -9,11 +9,11 @@ import numpy as np
 from planner.geometry.chord import distance_to_chord
 from planner.geometry.curve import Curve
 from planner.geometry.differential import norm
-from planner.profile import Samples
+from planner.samples import Samples
 from planner.types import FloatArray
+from planner.verify.findings import Place
 from planner.verify.motion import Motion, Quintics
 from planner.verify.peaks import CANDIDATES, Highest, IntArray, chunks, zoom
-from planner.verify.report import Place
 from planner.verify.sizes import LENGTH_ACCURACY
 
 # A period is looked at in sixteenths; chords start every fourth of them.

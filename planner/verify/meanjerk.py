@@ -14,9 +14,9 @@ from __future__ import annotations
 import numpy as np
 
 from planner.types import FloatArray
+from planner.verify.findings import Place
 from planner.verify.motion import Motion
 from planner.verify.peaks import IntArray, chunks
-from planner.verify.report import Place
 from planner.verify.sizes import EPS
 
 _DIGITS = 16.0  # of derivatives: sums of a few products

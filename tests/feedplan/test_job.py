@@ -18,7 +18,7 @@ import planner
 from feedplan.job import Job, load_job, load_job_of_table, plan_and_check
 from feedplan.sources import PATH_SHARE
 from planner import InputError, Limits, SolverError, check, load_curve, load_limits, read_program, write_table
-from planner.programs.path.path import program_path
+from planner.programs.path.smooth_path import program_path
 
 MILL = load_limits("mill")
 SLOTS = PROJECT / "tests" / "data" / "programs" / "slots.ngc"

@@ -28,7 +28,8 @@ from planner.geometry.nurbs import NurbsCurve
 from planner.law import TimeLaw
 from planner.machine.limits import Limits
 from planner.plan import plan_feedrate
-from planner.profile import Samples, make_profile
+from planner.profile import make_profile
+from planner.samples import Samples
 
 PERIODS = (0.25e-3, 1e-3, 2e-3)
 ORDERS = (1, 2, 3, 5)

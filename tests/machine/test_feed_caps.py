@@ -10,7 +10,7 @@ from program_blocks import line, program
 from interp import replay
 from planner import check, plan_feedrate
 from planner.geometry.curve import FeedCaps
-from planner.programs.path.path import program_path
+from planner.programs.path.smooth_path import program_path
 
 MACHINE = drives(np.inf, dim=3)
 

@@ -8,7 +8,7 @@ from cases import PROGRAMS
 
 from planner import Limits, check, plan_feedrate
 from planner.output.ngc_program import write_program
-from planner.programs.path.path import program_path
+from planner.programs.path.smooth_path import program_path
 from planner.programs.reading.reader import read_program
 
 # Axes that differ, as on a light gantry: nothing is fast where another thing is.

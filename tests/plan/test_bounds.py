@@ -32,7 +32,7 @@ from planner.plan.dual.problem import Pace
 from planner.plan.ends import REST
 from planner.plan.guess import guess_feed
 from planner.plan.section import cut
-from planner.programs.path.path import program_path
+from planner.programs.path.smooth_path import program_path
 from planner.verify.certificate import verify_bound, verify_plan_bound
 
 # a line, an arc and a line, tangent to one another

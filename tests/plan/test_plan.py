@@ -28,7 +28,7 @@ from planner.geometry.nurbs import NurbsCurve
 from planner.output.figures import save_plot
 from planner.output.plots import plot_plan
 from planner.plan import refine
-from planner.programs.path.path import program_path
+from planner.programs.path.smooth_path import program_path
 from planner.programs.reading.reader import read_program
 from planner.status import Status
 

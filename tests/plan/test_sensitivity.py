@@ -20,7 +20,7 @@ from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
 from planner.plan.rows import build
 from planner.plan.sensitivity import SpeedBound
-from planner.programs.path.path import program_path
+from planner.programs.path.smooth_path import program_path
 from planner.types import FloatArray
 
 FREE = [np.inf] * 2

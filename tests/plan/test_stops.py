@@ -9,7 +9,7 @@ from planner import check, load_curve, plan_feedrate
 from planner.geometry.nurbs import NurbsCurve
 from planner.plan.section import axis_weights
 from planner.plan.stops import smallest_radius, tight_bends
-from planner.programs.path.path import program_path
+from planner.programs.path.smooth_path import program_path
 
 ONES = np.ones(2)
 

@@ -14,7 +14,7 @@ from planner.law import TimeLaw
 from planner.machine.limits import Limits
 from planner.plan.utilisation import _points, utilisation
 from planner.plan.utilisation_kernels import _peak
-from planner.programs.path.path import program_path
+from planner.programs.path.smooth_path import program_path
 
 W = np.sqrt(0.5)
 CURVES = {

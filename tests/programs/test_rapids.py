@@ -8,7 +8,7 @@ from program_blocks import line, program, rapid
 from interp import replay
 from planner import InputError, check, load_limits, plan_feedrate
 from planner.output.table import table_limits, write_table
-from planner.programs.path.path import program_path
+from planner.programs.path.smooth_path import program_path
 
 AXES = ("X", "Y", "Z")
 MACHINE = drives(dim=3, axes=AXES)

@@ -22,7 +22,7 @@ from planner import (
 )
 from planner.geometry.catalog import read_curve
 from planner.geometry.tolerance import PathTolerance
-from planner.programs.path.path import program_path
+from planner.programs.path.smooth_path import program_path
 
 MILL = load_limits("mill")
 SLOTS = PROGRAMS / "slots.ngc"

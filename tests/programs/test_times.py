@@ -15,7 +15,7 @@ from planner import InputError, Limits, load_curve, plan_feedrate
 from planner.files.columns import reading
 from planner.law import TimeLaw
 from planner.profile import make_profile
-from planner.programs.path.path import program_path
+from planner.programs.path.smooth_path import program_path
 from planner.programs.reading.reader import read_program
 from planner.programs.times import KINDS, line_times, times_at, write_line_times
 

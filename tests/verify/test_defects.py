@@ -19,7 +19,7 @@ from check_plans import (
 
 from planner.geometry.nurbs import NurbsCurve
 from planner.machine.limits import Limits
-from planner.profile import Samples
+from planner.samples import Samples
 
 
 def test_a_rate_beyond_double_precision_fails(ellipse, ellipse_plan, used_up):

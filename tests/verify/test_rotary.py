@@ -10,7 +10,7 @@ from planner import load_curve
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
 from planner.machine.limits import Limits
-from planner.profile import Samples
+from planner.samples import Samples
 from planner.verify import tiplength
 from planner.verify.tiplength import tip_steps
 

@@ -28,7 +28,7 @@ from planner import load_curve
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
 from planner.machine.limits import Limits
-from planner.profile import Samples
+from planner.samples import Samples
 
 
 @pytest.fixture(scope="module")

@@ -35,7 +35,7 @@ from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
 from planner.law import TimeLaw
 from planner.machine.limits import Limits
-from planner.profile import Samples
+from planner.samples import Samples
 
 
 def test_scurve_on_a_line_uses_each_limit_exactly(line, line_limits, line_plan):
@@ -298,7 +298,7 @@ def test_report_and_rows_are_frozen(line, line_limits, line_plan):
 
 def test_the_check_knows_nothing_of_the_planner():
     files = sorted(Path(inspect.getfile(package)).parent.rglob("*.py"))
-    assert {"__init__", "chords", "motion", "profile", "report", "samples"} <= {file.stem for file in files}
+    assert {"__init__", "between_nodes", "chords", "differences", "findings", "motion"} <= {file.stem for file in files}
     nodes = [node for file in files for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))]
     imported = {
         f"{node.module}.{name.name}"
@@ -329,7 +329,7 @@ def test_the_check_knows_nothing_of_the_planner():
         "planner.machine.limits.require_limits",
         "planner.profile.BINDING_SHARE",  # what a table means by the limit that holds
         "planner.profile.FeedrateProfile",
-        "planner.profile.Samples",
+        "planner.samples.Samples",
     }
     assert not [node for node in nodes if isinstance(node, ast.Import) and "planner" in ast.dump(node)]
 

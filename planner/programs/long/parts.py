@@ -28,7 +28,7 @@ from planner.programs.path.absorb import Absorbed, absorb
 from planner.programs.path.corners import Junction, Junctions, classify
 from planner.programs.path.measure import Place, Written, largest_deviation
 from planner.programs.path.moves import MovingBlocks
-from planner.programs.path.path import (
+from planner.programs.path.smooth_path import (
     _MARGIN,
     _SHORT_REST,
     MAX_TRIES,

@@ -18,7 +18,7 @@ from planner.plan import plan_feedrate
 from planner.profile import FeedrateProfile
 from planner.programs.long.parts import Cursor, PathSource
 from planner.programs.long.run import Run
-from planner.programs.path.path import MIN_INTERVALS
+from planner.programs.path.smooth_path import MIN_INTERVALS
 from planner.programs.times import largest_share, times_at
 from planner.types import FloatArray
 from planner.verify import Report, check

@@ -47,7 +47,7 @@ from planner.programs.reading.reader import read_program
 from planner.programs.times import LineTimes, combined, write_line_times
 from planner.quantity import AXIS
 from planner.types import FloatArray, Progress
-from planner.verify.report import BREAKS, HOLDS
+from planner.verify.findings import BREAKS, HOLDS
 
 _COLUMNS = ("t", "u", "u_rate", "u_acceleration", "feed", "position")
 

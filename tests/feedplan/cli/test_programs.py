@@ -23,7 +23,7 @@ from planner import (
 from planner.geometry.tolerance import PathTolerance
 from planner.programs.path.deviation import deviation
 from planner.programs.path.moves import MovingBlocks
-from planner.programs.path.path import program_path
+from planner.programs.path.smooth_path import program_path
 
 SLOTS = PROGRAMS / "slots.ngc"
 PART = """\

@@ -19,7 +19,7 @@ from interp.literature.feedshapes import (
 from planner import load_curve
 from planner.errors import InputError
 from planner.geometry.nurbs import NurbsCurve
-from planner.profile import Samples
+from planner.samples import Samples
 
 FEED, RAMP = 100.0, 0.5  # mm/s, s: the experiment of the paper
 # Largest error of the feed, mm/s: period, shape, order -> against V_k, against the mean of V_k and V_{k+1}.

@@ -12,7 +12,7 @@ from planner.errors import InfeasibleError
 from planner.geometry.nurbs import NurbsCurve
 from planner.machine.limits import Limits
 from planner.plan.solvers import accelerations
-from planner.programs.path.path import program_path
+from planner.programs.path.smooth_path import program_path
 from planner.status import Status
 
 INF = np.inf

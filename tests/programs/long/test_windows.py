@@ -24,7 +24,7 @@ from planner.programs.long.parts import PathSource
 from planner.programs.long.windows import plan_program
 from planner.programs.path.deviation import deviation
 from planner.programs.path.moves import MovingBlocks, moving_axes
-from planner.programs.path.path import program_path
+from planner.programs.path.smooth_path import program_path
 
 BUTTERFLY, SLOTS = PROGRAMS / "butterfly_5000.ngc", PROGRAMS / "slots.ngc"
 LIMITS = drives(dim=3)

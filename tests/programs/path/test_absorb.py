@@ -12,7 +12,7 @@ from planner.programs.long.windows import plan_program
 from planner.programs.path import absorb as absorbing
 from planner.programs.path.absorb import absorb
 from planner.programs.path.moves import MovingBlocks
-from planner.programs.path.path import program_path
+from planner.programs.path.smooth_path import program_path
 from planner.programs.times import line_times
 
 LIMITS = drives(50.0, dim=3)

@@ -12,7 +12,7 @@ from planner import plan_feedrate
 from planner.geometry.blend import Blends, Legs
 from planner.programs.path.corners import Junction, classify
 from planner.programs.path.deviation import Programmed
-from planner.programs.path.path import program_path
+from planner.programs.path.smooth_path import program_path
 
 
 def lines(*points):

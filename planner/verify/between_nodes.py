@@ -10,10 +10,10 @@ from planner.machine.limits import Limits
 from planner.profile import FeedrateProfile
 from planner.quantity import AXIS, FEED, JERK, QUANTITIES, Quantity
 from planner.verify.chords import profile_chord
+from planner.verify.findings import Report, Rows
 from planner.verify.implied_columns import Nodes
 from planner.verify.meanjerk import mean_jerks
 from planner.verify.motion import Motion, Quintics
-from planner.verify.report import Report, Rows
 from planner.verify.scan import feed_under, machine_caps, scan_spans, worst_of
 from planner.verify.sizes import ON_KNOT, VELOCITY_STEP, extent, position_rounding
 from planner.verify.steps import check_corners, check_steps

@@ -10,11 +10,11 @@ from planner.errors import InputError
 from planner.geometry.curve import Curve, FeedCaps
 from planner.geometry.differential import dot, norm
 from planner.machine.limits import Limits
-from planner.profile import Samples
 from planner.quantity import AXIS, TANGENTIAL
+from planner.samples import Samples
 from planner.types import FloatArray
 from planner.verify.chords import sample_chord
-from planner.verify.report import Place, Report, Rows
+from planner.verify.findings import Place, Report, Rows
 from planner.verify.scan import machine_caps
 from planner.verify.sizes import EPS, extent, group_sizes, position_rounding
 from planner.verify.tiplength import tip_steps

@@ -15,7 +15,7 @@ from planner.geometry.chain import ChainCurve, Kind
 from planner.programs.path import stretch
 from planner.programs.path.deviation import deviation
 from planner.programs.path.moves import MovingBlocks
-from planner.programs.path.path import program_path
+from planner.programs.path.smooth_path import program_path
 from planner.programs.reading.reader import read_program
 
 LIMITS = drives(dim=3)
