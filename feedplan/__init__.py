@@ -2,7 +2,7 @@
 
     import feedplan as fp
     curve = fp.load_curve("butterfly-nurbs")
-    limits = fp.load_limits("mill").for_curve(curve)
+    limits = fp.load_limits("mill")
     profile = fp.plan_feedrate(curve, limits)
     print(profile.duration, fp.check(curve, limits, profile).ok)
 

@@ -2,7 +2,6 @@
 
     from planner import load_curve, load_limits, plan_feedrate, check
     curve, limits = load_curve("butterfly-nurbs"), load_limits("mill")
-    limits = limits.for_curve(curve)
     profile = plan_feedrate(curve, limits)
     print(profile.duration, check(curve, limits, profile).ok)
 

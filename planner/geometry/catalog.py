@@ -23,12 +23,14 @@ if TYPE_CHECKING:
 CATALOG = ("teardrop", "hypotrochoid", "snailshell", "butterfly", "circle", "butterfly-nurbs", "flank")
 _AXIS_KEYS = ("x", "y", "z", "a", "b", "c")
 _MACHINE = "table-tilting ac"
-_REMARKS = ("name", "note", "units", "source", "dim", "type", "knots_4digit")
+_FOR_READERS = ("name", "description", "note", "source")
+_REMARKS = (*_FOR_READERS, "units", "dim", "type")
+_UNITS = ("mm", "not stated")  # the second as in what was published
 _KEYS = {
     "nurbs": ("degree", "control_points", "weights", "knots", "axes"),
     "formula": (*_AXIS_KEYS, "u_range", "parameter", "axes"),
     "dual_bspline_5axis": (
-        "degree", "knots", "bottom_control_points", "top_control_points", "weights", "tool_axis", "kinematics"
+        "degree", "knots", "bottom_control_points", "top_control_points", "weights", "kinematics"
     ),
 }  # fmt: skip
 
@@ -73,11 +75,31 @@ def read_curve(source: str | Path, *, scale: float = 1.0) -> Curve:
         raise CurveError(
             f"curve {str(source)!r} is {what} a .json, .toml, .dxf, .csv or .ngc file {join} a name: {', '.join(CATALOG)}"
         )
-    table = _read(source, kind)
-    inner = table.get("curve", table)
+    return _from_table(_inner(_read(source, kind), str(source)), Path(source).stem, scale)
+
+
+def _inner(table: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    """Return what a file says of its curve: all, or the object under ``curve``, beside which only remarks may stand."""
+    if "curve" not in table:
+        return table
+    allowed = ("curve", *_FOR_READERS, "units")
+    unknown = sorted(set(table) - set(allowed))
+    if unknown:
+        raise CurveError(f'{name}: unknown key "{unknown[0]}" beside "curve"; there may be {", ".join(allowed[1:])}')
+    _require_mm(table, name)
+    inner = table["curve"]
     if not isinstance(inner, dict):
-        raise CurveError(f'{source}: "curve" must be an object with the keys of a curve')
-    return _from_table(inner, Path(source).stem, scale)
+        raise CurveError(f'{name}: "curve" must be an object with the keys of a curve')
+    return inner
+
+
+def _require_mm(table: Mapping[str, Any], name: str) -> None:
+    """Refuse lengths in another unit, which would count as mm."""
+    units = table.get("units", "mm")
+    if units not in _UNITS:
+        raise CurveError(
+            f'{name}: units = {units!r} must be "mm"; leave the key out and give the scale in mm, 25.4 for inches'
+        )
 
 
 def _from_drawing(source: str | Path, kind: str) -> NurbsCurve:
@@ -126,7 +148,9 @@ def _from_table(table: Mapping[str, Any], name: str, scale: float) -> Curve:
         raise CurveError(f"{name}: type = {kind!r} must be one of {', '.join(_KEYS)}")
     unknown = sorted(set(table) - set(_KEYS[kind]) - set(_REMARKS))
     if unknown:
-        raise CurveError(f'{name}: unknown key "{unknown[0]}"; a {kind} has the keys {", ".join(_KEYS[kind])}')
+        keys, remarks = ", ".join(_KEYS[kind]), ", ".join(_REMARKS)
+        raise CurveError(f'{name}: unknown key "{unknown[0]}"; a {kind} has the keys {keys}, and for remarks {remarks}')
+    _require_mm(table, name)
     build = {"nurbs": _nurbs, "formula": _formula, "dual_bspline_5axis": _dual_spline}[kind]
     curve = build(table, name, scale)
     if table.get("dim", curve.dim) != curve.dim:
@@ -168,6 +192,9 @@ def _dual_spline(table: Mapping[str, Any], name: str, scale: float) -> Curve:
     keys = ("degree", "knots", "bottom_control_points", "top_control_points")
     degree, knots, *sides = _need(table, keys, name)
     kinematics = table.get("kinematics", {})
+    unknown = sorted(set(kinematics) - {"machine"}) if isinstance(kinematics, dict) else []
+    if unknown:
+        raise CurveError(f'{name}: unknown key "{unknown[0]}" in kinematics; there may be machine')
     machine = kinematics.get("machine", _MACHINE) if isinstance(kinematics, dict) else kinematics
     if not isinstance(machine, str) or not machine.replace("/", "").lower().startswith(_MACHINE):
         raise CurveError(f'{name}: kinematics is of a machine {machine!r}; "table-tilting AC" is the one known')

@@ -115,13 +115,17 @@ class Limits:
         return len(self.axes)
 
     def on(self, curve: Curve) -> Limits:
-        """Limits of every axis of a curve: these in its order, or one number for every axis spread over them.
+        """Limits of every axis of a curve: picked by name, or one number for every axis spread over them.
 
-        Raises InputError unless there is one limit for every axis, and for a rotary axis one of its own.
+        A machine may have more axes than the curve.  Where it lacks the name of one, as many limits as the curve has axes
+        are those in its order.  Raises InputError unless there is one limit for every axis, and for a rotary axis one of
+        its own.
         """
         require_instance(curve, Curve, "curve")
         if not self.axes:
             return self._replace(axes=curve.axes)
+        if set(curve.axes) <= set(self.axes):
+            return self.for_curve(curve)
         if self.dim != curve.dim:
             raise InputError(
                 f"the limits have {self.dim} axes ({', '.join(self.axes)}), but {curve.name} has {curve.dim} "

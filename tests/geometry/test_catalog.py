@@ -157,12 +157,18 @@ class TestFiles:
         for machine in ({"machine": "head-tilting BC"}, "BC", {"machine": 5}):
             with pytest.raises(CurveError, match="table-tilting AC"):
                 load_curve(write(table | {"kinematics": machine}))
+        for ignored in ({"tool_axis": [0, 0, 1]}, {"kinematics": {"machine": "table-tilting AC", "pivot": 50}}):
+            with pytest.raises(CurveError, match='unknown key "(tool_axis|pivot)"'):
+                load_curve(write(table | ignored))
         with pytest.raises(CurveError, match='key "top_control_points" is missing'):
             load_curve(write(without(table, "top_control_points")))
 
-    def test_keys_beside_the_curve_are_ignored(self, write):
-        table = {"name": "c", "source": {"year": 2002}, "validation": {"length": 5}, "limits": [1], "curve": NURBS}
-        assert load_curve(write(table)).fingerprint == load_curve(write(NURBS)).fingerprint
+    def test_remarks_change_nothing(self, write):
+        remarks = {"name": "c", "source": {"year": 2002}, "description": "d", "note": ["n"], "units": "mm"}
+        plain = load_curve(write(NURBS)).fingerprint
+        assert load_curve(write(remarks | {"curve": NURBS})).fingerprint == plain
+        assert load_curve(write(remarks | NURBS | {"dim": 2})).fingerprint == plain
+        assert load_curve(write({"curve": NURBS | {"units": "not stated"}})).fingerprint == plain
 
     def test_type_may_be_left_out(self, write):
         assert isinstance(load_curve(write(without(NURBS, "type"))), NurbsCurve)
@@ -198,6 +204,12 @@ BAD_TABLES = {
     "type no text": (NURBS | {"type": ["nurbs"]}, "type = .* must be one of"),
     "other type": (NURBS | {"type": "formula"}, 'unknown key "control_points"; a formula has the keys x, y'),
     "misspelt key": (NURBS | {"weigths": [1]}, 'unknown key "weigths"; a nurbs has the keys degree'),
+    "misspelt remark": (FORMULA | {"sources": "s"}, "for remarks name, description, note, source, units, dim, type"),
+    "inches": (NURBS | {"units": "inch"}, 'units = \'inch\' must be "mm"; leave the key out and give the scale'),
+    "inches beside the curve": ({"units": "inch", "curve": FORMULA}, 'units = \'inch\' must be "mm"'),
+    "unit no text": (NURBS | {"units": ["mm"]}, "units = .* must be"),
+    "scale beside the curve": ({"scale": 25.4, "curve": NURBS}, 'unknown key "scale" beside "curve"; there may be name'),
+    "tool axis of a curve": (NURBS | {"tool_axis": [0, 0, 1]}, 'unknown key "tool_axis"'),
     "no knots": (without(NURBS, "knots"), 'key "knots" is missing'),
     "no degree": (without(NURBS, "degree"), 'key "degree" is missing'),
     "no points": (without(NURBS, "control_points"), 'key "control_points" is missing'),

@@ -175,6 +175,15 @@ class TestLimits:
         with pytest.raises(InputError, match="the machine has no axis B"):
             machine.for_curve(FormulaCurve({"X": "u", "B": "u"}, (0.0, 1.0)))
 
+    def test_functions_pick_the_axes_of_a_curve_by_name(self):
+        machine = load_limits("five-axis")
+        curve = FormulaCurve({"C": "u", "X": "u", "Z": "u**2"}, (0.0, 1.0))
+        assert machine.on(curve) == machine.for_curve(curve)
+        swapped = limits(velocity=[1.0, 2.0], axes=["Y", "X"])  # as many as the curve has, in another order
+        assert swapped.on(load_curve("circle")).velocity.tolist() == [2.0, 1.0]
+        plain = FormulaCurve({"U": "u", "V": "u**2"}, (0.0, 1.0))
+        assert limits(velocity=[1.0, 2.0]).on(plain).velocity.tolist() == [1.0, 2.0]
+
     def test_number_of_axes_must_be_that_of_the_curve(self):
         with pytest.raises(InputError, match=r"the limits have 2 axes \(X, Y\), but flank has 5 \(X, Y, Z, A, C\)"):
             feedrate_limits(load_curve("flank"), limits(), 0.5)

@@ -205,7 +205,7 @@ def test_the_number_of_steps_is_limited():
         ({"max_steps": 1.5}, "max_steps = 1.5"),
         ({"limits": limits(feed=np.inf)}, "feed = inf must be finite"),
         ({"limits": limits(chord_error=np.inf)}, "chord_error = inf must be finite for Algorithm 2"),
-        ({"limits": Limits(20.0, [30.0] * 3, [30.0] * 3, [200.0] * 3)}, "the limits have 3 axes"),
+        ({"limits": Limits(20.0, [30.0] * 3, [30.0] * 3, [200.0] * 3, axes="UVW")}, "the limits have 3 axes"),
         ({"curve": load_curve("flank"), "limits": Limits(20.0, [30.0] * 5, [30.0] * 5, [200.0] * 5)}, "rotary axes"),
     ],
 )
