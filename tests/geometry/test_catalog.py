@@ -158,7 +158,7 @@ class TestFiles:
             with pytest.raises(CurveError, match="table-tilting AC"):
                 load_curve(write(table | {"kinematics": machine}))
         for ignored in ({"tool_axis": [0, 0, 1]}, {"kinematics": {"machine": "table-tilting AC", "pivot": 50}}):
-            with pytest.raises(CurveError, match='unknown key "(tool_axis|pivot)"'):
+            with pytest.raises(CurveError, match=r'unknown key "(tool_axis|pivot)"'):
                 load_curve(write(table | ignored))
         with pytest.raises(CurveError, match='key "top_control_points" is missing'):
             load_curve(write(without(table, "top_control_points")))
