@@ -87,7 +87,7 @@ def plain_curve(source: str | Path | Curve, scale: float, tolerance: float | Non
     facts: Pairs = ()
     if isinstance(curve, FittedCurve):
         far = f"{1e3 * curve.deviation:.4g} um at most from a point, in line {curve.row}"
-        facts = (("deviation", f"{far}; {1e3 * allowed:g} um allowed"),)
+        facts = (("deviation", f"{far}; {1e3 * allowed:g} um allowed"), *_said_of_share(share))
     return SourceCurve(curve, room, facts)
 
 
@@ -123,8 +123,14 @@ def program_curve(
     given = given_tolerances(program) if tolerance is None else np.array([tolerance])
     least = float(given[given > 0.0].min(initial=np.inf))
     room = (1.0 - share) * (least if np.isfinite(least) else DEFAULT_TOLERANCE)
-    facts = (("program", program_summary(program, path)),)
+    facts = (("program", program_summary(program, path)), *_said_of_share(share))
     return SourceCurve(path.curve, room, facts, program, path)
+
+
+def _said_of_share(share: float) -> Pairs:
+    """Say that a path which leaves room for the program written from it takes longer than one which does not."""
+    text = f"{share:.0%} for the path, {1.0 - share:.0%} for the program; a plan alone is faster"
+    return () if share == 1.0 else (("tolerance", text),)
 
 
 def tolerance_of_table(table: str | Path, source: str | Path | Curve) -> PathTolerance:

@@ -7,7 +7,9 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from feedplan.verdict import Verdict, percent, side_by_side
-from planner.profile import FeedrateProfile
+from planner.geometry.curve import Curve
+from planner.machine.limits import Limits
+from planner.profile import FeedrateProfile, Samples
 from planner.samples import Samples
 from planner.status import Claim
 from planner.verify import Report, Row
@@ -31,13 +33,12 @@ def to_text(verdict: Verdict) -> RenderableType:
     from rich.padding import Padding
     from rich.text import Text
 
-    shares = ", ".join(f"{name} {percent(share)}" for name, share in _main_shares(verdict))
     parts: list[RenderableType] = [
         _facts(verdict),
         "",
         _limit_table(verdict.reports),
         "",
-        named("held back by", shares),
+        held_back(verdict.profile),
         *_worth(verdict.profile),
         *([] if verdict.proof is None else [named("proved", verdict.proof.statement)]),
         *(named("note", note) for note in _shortened(verdict.notes)),
@@ -89,15 +90,12 @@ def _facts(verdict: Verdict) -> RenderableType:
     from rich.console import Group
 
     profile, limits, curve = verdict.profile, verdict.limits, verdict.profile.curve
-    feed = f"feed {quantity(limits.feed, 'mm/s')}" if math.isfinite(limits.feed) else "no feed limit"
-    if math.isfinite(limits.rapid) and curve.feed_caps is not None:
-        feed += f", rapids {quantity(limits.rapid, 'mm/s')}"
     time = f"{profile.duration:.6g} s"
     lines = [
         named("curve", f"{curve.name}, {curve.length:.6g} mm, axes {' '.join(curve.axes)}"),
         *(named(name, text) for name, text in verdict.facts),
         *([] if verdict.program is None else program_lines(verdict.program)),
-        named("machine", f"{verdict.machine}; {feed}, period {quantity(limits.period, 's')}"),
+        machine_line(verdict.machine, limits, curve),
         named("plan", f"{profile.method}, {profile.t.size} nodes" + _planned_in(verdict.planning_time)),
     ]
     if math.isfinite(verdict.gap):
@@ -114,6 +112,14 @@ def _facts(verdict: Verdict) -> RenderableType:
     else:
         bound = "none from this method"
     return Group(*lines, named("duration", time, "bold"), named("lower bound", bound))
+
+
+def machine_line(machine: str, limits: Limits, curve: Curve) -> Table:
+    """Lay out where the limits come from, and which feed and period they have."""
+    feed = f"feed {quantity(limits.feed, 'mm/s')}" if math.isfinite(limits.feed) else "no feed limit"
+    if math.isfinite(limits.rapid) and curve.feed_caps is not None:
+        feed += f", rapids {quantity(limits.rapid, 'mm/s')}"
+    return named("machine", f"{machine}; {feed}, period {quantity(limits.period, 's')}")
 
 
 def program_lines(path: ProgramPath) -> Iterator[Table]:
@@ -212,8 +218,13 @@ def _broken(verdict: Verdict) -> str:
     )
 
 
-def _main_shares(verdict: Verdict) -> Iterator[tuple[str, float]]:
-    shares = verdict.profile.shares()
+def held_back(profile: FeedrateProfile) -> Table:
+    """Lay out which limit holds a plan back for which share of the time; the shares add up to all of it."""
+    return named("held back by", ", ".join(f"{name} {percent(share)}" for name, share in _main_shares(profile)))
+
+
+def _main_shares(profile: FeedrateProfile) -> Iterator[tuple[str, float]]:
+    shares = profile.shares()
     small = 0.0
     for name, share in shares.items():
         if share >= _SHARE_SHOWN:

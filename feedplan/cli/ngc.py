@@ -87,16 +87,18 @@ def ngc(
             "duration_s": written.duration,
             "deviation_mm": deviation,
             "blending_mm": 0.5 * job.room,
+            "source": dict(job.facts),
             "files": [name],
         }
         if as_json:
             typer.echo(json.dumps(facts, indent=2, allow_nan=False), err=at.taken)
         else:
-            typer.echo(
+            text = (
                 f"{name}: {written.blocks} blocks, {written.duration:.6g} s, within {1e3 * deviation:.3g} um of "
-                f"{job.curve.name}; the controller may blend {1e3 * 0.5 * job.room:.3g} um more",
-                err=at.taken,
+                f"{job.curve.name}; the controller may blend {1e3 * 0.5 * job.room:.3g} um more"
             )
+            shared = [f"{key}: {said}" for key, said in job.facts if key == "tolerance"]
+            typer.echo("\n".join([text, *shared]), err=at.taken)
 
 
 def _job_of_table(table: Path, curve: str, scale: float, tolerance: float | None) -> Job:

@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from planner.verify import Report
 
 _ROWS = 12
-_CORNERS = "Where a path really has corners a jerk limit costs 1 to 30 %; without it the machine takes the jerks."
 
 
 @app.command(
@@ -103,17 +102,15 @@ def _times_text(
     from rich.console import Group
     from rich.text import Text
 
-    from feedplan.verdict_text import named, program_lines
+    from feedplan.verdict_text import held_back, machine_line, named, program_lines
     from planner.programs.times import line_table
 
     if job.path is None:
         raise AssertionError("only a part program has lines")
-    shares = [(name, share) for name, share in profile.shares().items() if share >= 0.005]
-    held = ", ".join(f"{'no limit' if name == 'none' else name} {100.0 * share:.1f}%" for name, share in shares)
     parts: list[RenderableType] = [
         *(named(name, text) for name, text in job.facts),
         *program_lines(job.path),
-        named("machine", job.machine),
+        machine_line(job.machine, job.limits, job.curve),
         "",
         line_table(times, without_jerk=without, rows=rows),
         "",
@@ -125,7 +122,7 @@ def _times_text(
         parts.append(named("tool changes", f"{times.changes}; the program does not say how long they take"))
     parts += [
         named("jerk limit", _cost(times, without, job.limits.has_jerk)),
-        named("held back by", held),
+        held_back(profile),
         *(named("note", note) for note in job.path.notes),
     ]
     if file:
@@ -145,7 +142,7 @@ def _cost(times: LineTimes, without: LineTimes, limited: bool) -> str:
         return "none is set: the times are the least that the accelerations allow"
     return (
         f"costs {times.moving - without.moving:.4g} s or {100.0 * share:.1f}% of the {without.moving:.6g} s that the "
-        f"same path takes at best without one.  {_CORNERS}"
+        "same path takes at best without one"
     )
 
 

@@ -21,6 +21,14 @@ if TYPE_CHECKING:
 
     from planner.programs.long.windows import ProgramPlan
 
+_UNITS = {
+    "duration": "s",
+    "dwell": "s",
+    "length": "mm",
+    "deviation": "mm",
+    "joint_feed": "mm_s",
+    "joint_acceleration": "mm_s2",
+}
 _KERNELS = (*PLAN_KERNELS, "planner.programs.path.path_kernels")
 
 
@@ -67,7 +75,9 @@ def windows(
 
 
 def _json(plan: ProgramPlan, machine: str, seconds: float) -> str:
-    facts = {"machine": machine, "ok": plan.ok, "planning_s": seconds}
+    facts = {"machine": machine, "ok": plan.ok, "planning_time_s": seconds}
+    facts |= {f"{key}_{unit}": getattr(plan, key) for key, unit in _UNITS.items()}
+    facts |= {"planning_s": seconds}  # from here on the keys of old, where units are not told
     facts |= {key: str(value) if isinstance(value, Path) else value for key, value in asdict(plan).items()}
     finite = {
         key: None if isinstance(value, float) and not math.isfinite(value) else value for key, value in facts.items()

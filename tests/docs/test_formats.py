@@ -255,6 +255,7 @@ def test_json_of_the_verdict(files, json_of):
         [
             json_of("plan", "teardrop", "--intervals", 100),
             json_of("plan", STOPS, "-o", files / "stops.csv"),
+            json_of("plan", STOPS, "--program", files / "stops.ngc"),
             json_of("plan", files / "points.csv", "--tolerance-mm", 0.01),
             json_of("check", files / "teardrop.csv", "teardrop", "--certificate", files / "bound.npz"),
         ],
@@ -273,8 +274,15 @@ def test_json_of_times(json_of):
 
 def test_json_of_other_commands(files, json_of):
     """A program written, a long program, a comparison with the optimum and one without."""
-    agree_json("ngc", [json_of("ngc", "teardrop", "-o", files / "teardrop.ngc")])
-    agree_json("windows", [json_of("windows", STOPS, "-o", files / "windows.npz")])
+    curves = ("teardrop", STOPS, files / "points.csv")
+    tolerance = "--tolerance-mm", 0.01
+    agree_json("ngc", [json_of("ngc", curve, *tolerance, "-o", files / "written.ngc") for curve in curves])
+    windows = json_of("windows", STOPS, "-o", files / "windows.npz")
+    agree_json("windows", [windows])
+    for key, unit in {"duration": "s", "dwell": "s", "length": "mm", "deviation": "mm", "joint_feed": "mm_s",
+                      "joint_acceleration": "mm_s2"}.items():  # fmt: skip
+        assert windows[key] == windows[f"{key}_{unit}"]
+    assert windows["planning_s"] == windows["planning_time_s"]
     agree_json("compare", [json_of("compare", "teardrop", "--methods", "scurve"),
                            json_of("compare", "teardrop", "--methods", "scurve,optimal")])  # fmt: skip
 

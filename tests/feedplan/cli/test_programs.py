@@ -221,8 +221,18 @@ class TestTime:
         text = flat(out)
         assert "dwells 0.5 s more" in text
         assert "tool changes 1; the program does not say how long they take" in text
-        assert "Where a path really has corners a jerk limit costs 1 to 30 %" in text
+        assert "same path takes at best without one held back by" in text
         assert max(len(line) for line in out.splitlines()) <= 80
+
+    def test_head_and_shares_are_those_of_plan(self, run, part, machine):
+        time, plan = (flat(run(command, part, "--machine", machine)[1]) for command in ("time", "plan"))
+        heads = [re.findall(r" machine [^;]+; .*? period [0-9.]+ m?s ", text) for text in (time, plan)]
+        assert len(heads[0]) == 1
+        assert heads[0] == heads[1]
+        held = time[time.rindex("held back by") :].strip()
+        assert held in plan
+        shares = [float(x) for x in re.findall(r"([0-9.]+)%", held)]
+        assert sum(shares) == pytest.approx(100.0, abs=0.06 * len(shares))
 
     def test_what_the_jerk_limit_costs_at_corners(self, run, corners):
         facts = strict_json(run("time", corners, "--tolerance-mm", "0.01", "--json")[1])
@@ -308,6 +318,19 @@ class TestNgc:
         code, _, err = run("ngc", corners, "--table", table, "-o", out, "--machine", "mill")
         assert code == 2
         assert "--table brings its own limits" in err
+
+    def test_a_path_that_leaves_room_for_its_program_says_so(self, run, corners, tmp_path):
+        said = "75% for the path, 25% for the program; a plan alone is faster"
+        alone = strict_json(run("plan", corners, "--tolerance-mm", "0.02", "--json")[1])
+        out, text = tmp_path / "out.ngc", ("--tolerance-mm", "0.02")
+        shared = strict_json(run("plan", corners, *text, "--program", out, "--json")[1])
+        assert shared["source"]["tolerance"] == said
+        assert "tolerance" not in alone["source"]
+        assert alone["duration_s"] < shared["duration_s"]
+        assert f"tolerance {said}" in flat(run("plan", corners, *text, "--program", out)[1])
+        assert run("ngc", corners, *text, "-o", out)[1].splitlines()[1] == f"tolerance: {said}"
+        assert strict_json(run("ngc", corners, *text, "-o", out, "--json")[1])["source"] == shared["source"]
+        assert "source" not in strict_json(run("plan", "teardrop", "--program", out, "--json")[1])
 
     def test_a_curve(self, run, tmp_path):
         code, out, _ = run("ngc", "teardrop", "--tolerance-mm", "0.004", "-o", tmp_path / "t.ngc", "--json")
