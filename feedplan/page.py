@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from feedplan.verdict import Verdict, to_json
 from planner.errors import InputError
 from planner.files.whole_file import require_writable, whole_file
-from planner.inputs import require_instance
+from planner.inputs import require_instance, require_path
 from planner.machine.feed_limits import COMMANDS
 from planner.output.palette import dash_lengths, limit_colour
 from planner.output.traces import PlanTraces, Traces, trace_chord_error, trace_plan
@@ -66,8 +66,8 @@ def write_report(
     InputError
         If the suffix is another one, the file cannot be written, or the lines are those of another plan.
     """
-    require_report(path)
     require_instance(verdict, Verdict, "verdict")
+    require_report(path)
     profile, limits = verdict.profile, verdict.limits
     curve = profile.curve
     if lines is not None and lines.limit_names != profile.limit_names:
@@ -107,7 +107,7 @@ def _coloured(profile: FeedrateProfile) -> tuple[str, ...]:
 
 def require_report(path: str | Path) -> None:
     """Raise InputError unless a report can be written under this name."""
-    suffix = Path(path).suffix.lower()
+    suffix = require_path(path).suffix.lower()
     if suffix not in _SUFFIXES:
         raise InputError(f'{path}: the suffix "{suffix}" must be .html or .htm')
     require_writable(path)

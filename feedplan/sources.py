@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from planner.errors import InputError
 from planner.geometry.tolerance import DEFAULT_TOLERANCE, POINTS_TOLERANCE_MM
+from planner.inputs import require_path
 from planner.programs import SUFFIXES
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ class SourceCurve:
 
 def is_program(source: str | Path) -> bool:
     """Whether the name of a curve is that of a part program."""
-    return Path(source).suffix.lower() in SUFFIXES
+    return require_path(source, name="source").suffix.lower() in SUFFIXES
 
 
 def is_points(source: str | Path) -> bool:

@@ -20,8 +20,29 @@ _HOW_TO_MAKE = {
     "Limits": ", as load_limits returns or Limits(feed, velocity, acceleration, jerk) makes",
     "FeedrateProfile": ", as plan_feedrate returns",
     "Samples": ", as replay returns",
+    "Certificate": ", as certify(...).certificate or read_certificate returns",
+    "Figure": ", as plot_plan returns",
 }
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+
+
+def require_path(value: Any, error: type[InputError] = InputError, name: str = "path") -> Path:
+    """Return the path of a file; a number would be one of the open files of the process, anything else a TypeError.
+
+    Raises
+    ------
+    InputError, of the type ``error``
+    """
+    if isinstance(value, str | os.PathLike):
+        return Path(value)
+    raise error(f"{name} is {_a(value)}; it must be the path of a file")
+
+
+def require_flag(value: Any, name: str) -> bool:
+    """Refuse what is neither true nor false, but would pass for true: a place, a list of them, a text."""
+    if isinstance(value, bool | np.bool_):
+        return bool(value)
+    raise InputError(f"{name} = {shorten(repr(value))} must be True or False")
 
 
 def read_text(source: Any, error: type[InputError]) -> str:
@@ -32,9 +53,7 @@ def read_text(source: Any, error: type[InputError]) -> str:
     InputError, of the type ``error``
         If the source is no path, or the file is missing, no ordinary file, too large, or not text.
     """
-    if not isinstance(source, str | os.PathLike):
-        raise error(f"{source!r} must be the path of a file")
-    path = Path(source)
+    path = require_path(source, error)
     try:
         # A pipe or a device would be waited for, or never end.
         if path.exists() and not path.is_file():
@@ -99,10 +118,13 @@ def require_instance(value: Any, wanted: type | tuple[type, ...], name: str) -> 
     """Raise InputError naming a parameter that is none of the wanted classes, as where two arguments are swapped."""
     if isinstance(value, wanted):
         return
-    given = f"the class {value.__name__}" if isinstance(value, type) else f"a {type(value).__name__}"
     classes = wanted if isinstance(wanted, tuple) else (wanted,)
     said = " or a ".join(cls.__name__ + _HOW_TO_MAKE.get(cls.__name__, "") for cls in classes)
-    raise InputError(f"{name} is {given}; it must be a {said}")
+    raise InputError(f"{name} is {_a(value)}; it must be a {said}")
+
+
+def _a(value: Any) -> str:
+    return f"the class {value.__name__}" if isinstance(value, type) else f"a {type(value).__name__}"
 
 
 def positive_number(value: Any, what: str, hint: str = "") -> float:

@@ -17,7 +17,7 @@ from planner.frames import Tabular
 from planner.geometry.continuity import MAX_DERIVATIVE
 from planner.geometry.curve import Curve
 from planner.geometry.differential import chain_rule, curvature, rates_along
-from planner.inputs import shorten
+from planner.inputs import coordinates, shorten
 from planner.law import TimeLaw, quintic_coefficients
 from planner.machine.feed_limits import chord_feed_limit, commanded_feed
 from planner.machine.limit_rows import limit_rows
@@ -160,7 +160,7 @@ class FeedrateProfile(Tabular):
         InputError
             If a time lies outside the plan.
         """
-        times = np.asarray(t, dtype=np.float64)
+        times = coordinates(t, "t")
         outside = ~((times >= 0.0) & (times <= self.duration))
         if outside.any():
             worst = float(times[outside].flat[0])

@@ -29,7 +29,7 @@ from planner.errors import InputError
 from planner.files.archive import array_names, open_archive, read_array
 from planner.files.formats import file_format
 from planner.files.whole_file import whole_file
-from planner.inputs import shorten
+from planner.inputs import require_path, shorten
 
 Columns = Mapping[str, NDArray[Any]]
 
@@ -254,6 +254,7 @@ def reading(path: str | Path, known: str, keys: Sequence[str]) -> Iterator[Colum
     InputError
         If the file cannot be read, is none of these, has another version, or lacks a key.
     """
+    require_path(path)
     if os.path.exists(path) and not os.path.isfile(path):  # a pipe or a device would be waited for, or never end
         raise InputError(f"{path}: is not a file")
     try:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from planner.errors import InputError
+from planner.inputs import require_path
 
 COLUMN_FORMATS = (".csv", ".npz")
 """The first is meant where a name has no suffix."""
@@ -13,7 +14,7 @@ ANY_COLUMN_FORMAT = " or ".join((", ".join(COLUMN_FORMATS[:-1]), COLUMN_FORMATS[
 
 def file_format(path: str | Path) -> str:
     """Return ``.csv`` (also without a suffix) or ``.npz``; raise InputError for another suffix."""
-    suffix = Path(path).suffix.lower() or COLUMN_FORMATS[0]
+    suffix = require_path(path).suffix.lower() or COLUMN_FORMATS[0]
     if suffix not in COLUMN_FORMATS:
         raise InputError(f'{path}: the suffix "{suffix}" must be {ANY_COLUMN_FORMAT}')
     return suffix

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from planner.errors import InputError
+from planner.inputs import require_path
 
 
 def require_writable(path: str | Path) -> None:
@@ -48,7 +49,7 @@ def whole_file(path: str | Path) -> Iterator[BinaryIO]:
 
 def _target(path: str | Path) -> Path:
     """The file behind the name (a link stays a link); refuses what no file can replace."""
-    target = Path(os.path.realpath(path))
+    target = Path(os.path.realpath(require_path(path)))
     if target.is_dir():
         raise InputError(f"{path}: cannot be written (it is a directory); give the name of a file")
     if target.exists() and not target.is_file():

@@ -15,7 +15,7 @@ import numpy as np
 from planner.errors import CurveError, InputError
 from planner.geometry.curve import Curve
 from planner.geometry.tolerance import POINTS_TOLERANCE_MM
-from planner.inputs import positive_number, read_text
+from planner.inputs import positive_number, read_text, require_path
 
 if TYPE_CHECKING:
     from planner.geometry.nurbs import NurbsCurve
@@ -69,8 +69,8 @@ def read_curve(source: str | Path, *, scale: float = 1.0) -> Curve:
     if kind in {".dxf", ".csv"}:
         return _scaled(_from_drawing(source, kind), scale)
     if kind not in {".json", ".toml"}:
-        named = isinstance(source, str | os.PathLike)
-        what = "a directory; give" if named and os.path.isdir(source) else "neither"
+        path = require_path(source, CurveError, "source")
+        what = "a directory; give" if path.is_dir() and str(source) else "neither"
         join = "or" if what != "neither" else "nor"
         raise CurveError(
             f"curve {str(source)!r} is {what} a .json, .toml, .dxf, .csv or .ngc file {join} a name: {', '.join(CATALOG)}"

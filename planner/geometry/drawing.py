@@ -23,7 +23,7 @@ import numpy as np
 from planner.errors import CurveError
 from planner.geometry.curve import MAX_COORDINATE
 from planner.geometry.nurbs import NurbsCurve
-from planner.inputs import shorten
+from planner.inputs import require_path, shorten
 from planner.types import FloatArray
 
 # Ends of neighbours lie this close; drawings are written with some 6 to 16 digits.
@@ -102,7 +102,7 @@ def read_dxf(path: str | Path, *, layer: str | None = None) -> NurbsCurve:
     CurveError
         If the file cannot be read, holds an entity of another type, or more than one chain.
     """
-    file = Path(path)
+    file = require_path(path, CurveError)
     if not file.is_file():
         raise CurveError(f"{path}: cannot be read (there is no such file)")
     drawn, unit = _drawn(file, layer)

@@ -21,6 +21,7 @@ from planner.certificate import Certificate, CertificateSection
 from planner.errors import InputError
 from planner.files.columns import ZIP_DATE
 from planner.files.whole_file import whole_file
+from planner.inputs import require_instance, require_path
 
 FORMAT = "feedplan-certificate 1"
 _MEMBERS = ("header", "knots", "ends", "sigma", "u", "jerk", "acceleration")
@@ -34,6 +35,7 @@ def write_certificate(path: str | Path, certificate: Certificate) -> None:
     Raises InputError if the file cannot be written or the suffix is another; then no file is left behind.
     """
     require_npz(path)
+    require_instance(certificate, Certificate, "certificate")
     sections = certificate.sections
     header = {
         "format": FORMAT,
@@ -79,8 +81,9 @@ def read_certificate(path: str | Path) -> Certificate:
 
 def require_npz(path: str | Path) -> None:
     """Raise InputError unless the name of a certificate's file ends in .npz."""
-    if Path(path).suffix.lower() != ".npz":
-        raise InputError(f'{path}: the suffix of a certificate must be .npz, not "{Path(path).suffix}"')
+    suffix = require_path(path).suffix
+    if suffix.lower() != ".npz":
+        raise InputError(f'{path}: the suffix of a certificate must be .npz, not "{suffix}"')
 
 
 def _certificate(archive: zipfile.ZipFile, path: str | Path, size: int) -> Certificate:

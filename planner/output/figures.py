@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 
 from planner.errors import InputError
 from planner.files.whole_file import whole_file
+from planner.inputs import require_instance, require_path
 from planner.output.palette import INK
 from planner.types import FloatArray
 
@@ -70,13 +71,14 @@ def save_plot(path: str | Path, figure: Figure) -> None:
         If the suffix is another one, or the file cannot be written.
     """
     suffix = figure_format(path)
+    require_instance(figure, Figure, "figure")
     with figure_style(), whole_file(path) as file:
         figure.savefig(file, format=suffix[1:], dpi=_PIXELS_PER_INCH, metadata=_NO_DATES[suffix])
 
 
 def figure_format(path: str | Path) -> str:
     """Return the suffix .png, .pdf or .svg of a file name; raise InputError for another one."""
-    suffix = Path(path).suffix.lower()
+    suffix = require_path(path).suffix.lower()
     if suffix not in _NO_DATES:
         raise InputError(f'{path}: the suffix "{suffix}" must be one of {", ".join(_NO_DATES)}')
     return suffix

@@ -85,6 +85,9 @@ def plot_plan(
     """
     limits = require_limits(curve, limits)
     require_instance(profile, FeedrateProfile, "profile")
+    for given, kind, name in ((samples, Samples, "samples"), (report, Report, "report")):
+        if given is not None:
+            require_instance(given, kind, name)
     width = require_width(width_mm)
     moves = profile.s[-1] > 0.0
     chosen = _chosen(panels, curve, limits, moves=moves)

@@ -98,6 +98,8 @@ def write_table(path: str | Path, profile: FeedrateProfile, limits: Limits, *, r
     require_instance(profile, FeedrateProfile, "profile")
     curve = profile.curve
     limits = require_limits(curve, limits)
+    if report is not None:
+        require_instance(report, Report, "report")
     report = check(curve, limits, profile) if report is None else report
     columns = {**profile.columns(), "binding": profile.binding}
     header = {

@@ -16,6 +16,7 @@ import numpy as np
 from planner.errors import CurveError, InfeasibleError, InputError, SolverError
 from planner.geometry.curve import Curve
 from planner.geometry.differential import arc_derivatives
+from planner.inputs import require_flag
 from planner.law import TimeLaw
 from planner.machine.feed_limits import feedrate_limits
 from planner.machine.limits import Limits, require_limits
@@ -110,6 +111,7 @@ def plan_feedrate(
     """
     began = time.perf_counter()
     limits = require_limits(curve, limits)
+    periodic, exact_stop = require_flag(periodic, "periodic"), require_flag(exact_stop, "exact_stop")
     _validate(curve, limits, method, start_feed, end_feed, periodic, budget, intervals)
     if start_acceleration is not None:
         _require_continued(curve, limits, start_feed, start_acceleration, method)
@@ -173,7 +175,7 @@ def _validate(
 ) -> None:
     if method not in get_args(Method):
         raise InputError(f"method = {method!r} must be one of {', '.join(get_args(Method))}")
-    if not budget > 0.0:
+    if not (isinstance(budget, int | float | np.number) and budget > 0.0):
         raise InputError(f"budget = {budget!r} s must be > 0")
     if intervals is not None:
         whole = isinstance(intervals, int | np.integer) and not isinstance(intervals, bool)

@@ -13,6 +13,7 @@ from planner.errors import InputError
 from planner.geometry.catalog import read_curve
 from planner.geometry.curve import Curve
 from planner.geometry.tolerance import DEFAULT_TOLERANCE, PathTolerance
+from planner.inputs import positive_number
 from planner.programs import SUFFIXES
 
 if TYPE_CHECKING:
@@ -64,6 +65,7 @@ def load_curve(
         from planner.programs.reading.reader import read_program
 
         require_unscaled(source, scale)
+        tolerance = None if tolerance is None else positive_number(tolerance, "tolerance")
         machine = "" if limits is not None else EXAMPLE
         path = path_of(read_program(source), load_limits(machine) if limits is None else limits, tolerance)
         return replace(path.curve, made_within=PathTolerance(tolerance, machine=machine))

@@ -96,3 +96,80 @@ def test_one_number_for_every_axis_serves_at_every_door():
     assert str(fp.check(CURVE, LIMITS, profile)) == str(fp.check(CURVE, per_axis, profile))
     assert fp.certify(CURVE, LIMITS, profile, intervals=100) == fp.certify(CURVE, per_axis, profile, intervals=100)
     assert fp.greedy(CURVE, LIMITS, 3).samples.u.tobytes() == fp.greedy(CURVE, per_axis, 3).samples.u.tobytes()
+
+
+NO_PATHS = {
+    "load_curve": fp.load_curve,
+    "load_limits": fp.load_limits,
+    "plan_and_check": fp.plan_and_check,
+    "read_certificate": fp.read_certificate,
+    "read_dxf": fp.read_dxf,
+    "read_points": lambda path: fp.read_points(path, 0.01),
+    "read_program": fp.read_program,
+    "read_table": lambda path: fp.read_table(path, CURVE),
+    "save_plot": lambda path: fp.save_plot(path, None),
+    "table_limits": fp.table_limits,
+    "write_certificate": lambda path: fp.write_certificate(path, None),
+    "write_ngc": lambda path: fp.write_ngc(path, CURVE, made("profile"), tolerance=0.01),
+    "write_report": lambda path: fp.write_report(path, verdict()),
+    "write_samples": lambda path: write_samples(path, CURVE, made("samples"), made("report")),
+    "write_table": lambda path: fp.write_table(path, made("profile"), LIMITS),
+    "plan_program": lambda path: fp.plan_program("part.ngc", LIMITS, output=path),
+}
+
+
+@cache
+def verdict():
+    return fp.plan_and_check(CURVE, LIMITS, bound=False, intervals=40)
+
+
+@pytest.mark.parametrize("wrong", [None, 0, 3.5, b"teardrop", ["teardrop"], LIMITS])
+@pytest.mark.parametrize("name", NO_PATHS)
+def test_what_is_no_path_is_named(name, wrong):
+    """A number would be an open file of the process: 0 is standard input, and would be waited for."""
+    with pytest.raises(fp.InputError, match=r"^(path|source|output) is a \w+; it must be the path of a file$"):
+        NO_PATHS[name](wrong)
+
+
+@pytest.mark.parametrize("wrong", [None, "bound.npz", CURVE])
+def test_what_is_no_certificate_is_named(wrong, tmp_path):
+    file = tmp_path / "bound.npz"
+    said = r"^certificate is a \w+; it must be a Certificate, as certify\(\.\.\.\)\.certificate"
+    for call in (
+        lambda: fp.verify_bound(CURVE, LIMITS, wrong),
+        lambda: fp.verify_plan_bound(CURVE, LIMITS, wrong, made("profile")),
+        lambda: fp.write_certificate(file, wrong),
+    ):
+        with pytest.raises(fp.InputError, match=said):
+            call()
+    assert not file.exists()
+    certificate = fp.certify(CURVE, LIMITS, made("profile"), intervals=100).certificate
+    with pytest.raises(fp.InputError, match="plan is a Limits"):
+        fp.verify_plan_bound(CURVE, LIMITS, certificate, LIMITS)
+
+
+@pytest.mark.parametrize("wrong", [0.3, [0.3], "yes", None, 1])
+def test_a_switch_is_true_or_false(wrong):
+    for name in ("exact_stop", "periodic"):
+        with pytest.raises(fp.InputError, match=rf"^{name} = .* must be True or False$"):
+            fp.plan_feedrate(CURVE, LIMITS, **{name: wrong})
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: made("profile")("0.1"), "t = '0.1' must be a number or an array of numbers"),
+        (lambda: made("profile")([0.1, "a"]), "t = .* must be a number"),
+        (lambda: made("profile")(None), "t = None must be a number"),
+        (lambda: fp.plan_feedrate(CURVE, LIMITS, budget="10"), "budget = '10' s must be > 0"),
+        (lambda: fp.load_curve(PROGRAM, tolerance="x"), "tolerance = 'x' must be a number > 0"),
+        (lambda: fp.write_table("never.csv", made("profile"), LIMITS, report=3), "report is a int"),
+        (lambda: fp.write_report(verdict(), "never.html"), "verdict is a str; it must be a Verdict"),
+        (lambda: fp.plot_plan(CURVE, LIMITS, made("profile"), LIMITS), "samples is a Limits"),
+        (lambda: fp.plot_plan(CURVE, LIMITS, made("profile"), None, 3), "report is a int"),
+        (lambda: fp.save_plot("never.png", 3), "figure is a int; it must be a Figure, as plot_plan returns"),
+    ],
+)
+def test_what_is_wrong_is_named(call, message):
+    with pytest.raises(fp.InputError, match=message):
+        call()

@@ -173,7 +173,7 @@ class TestContent:
 
     def test_limits_of_another_machine_are_refused(self, plan):
         with pytest.raises(InputError, match="3 axes"):
-            plot_plan(CIRCLE, load_limits("mill"), plan)
+            plot_plan(CIRCLE, Limits(50.0, [100.0] * 3, [1000.0] * 3, [20000.0] * 3, axes="XZU"), plan)
 
 
 class TestEnvelope:

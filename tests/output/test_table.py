@@ -668,5 +668,8 @@ class TestWholeOrNothing:
         assert list(tmp_path.iterdir()) == []
 
     def test_limits_of_another_machine_are_refused(self, tmp_path, plan):
+        other = Limits(50.0, [100.0] * 3, [1000.0] * 3, [20000.0] * 3, axes="XZU")
         with pytest.raises(InputError, match="3 axes"):
-            write_table(tmp_path / "table.csv", plan, load_limits("mill"))
+            write_table(tmp_path / "table.csv", plan, other)
+        write_table(tmp_path / "table.csv", plan, load_limits("mill"))  # has the axes, and one more
+        assert table_limits(tmp_path / "table.csv") == load_limits("mill").for_curve(plan.curve)

@@ -34,7 +34,7 @@ import numpy as np
 
 from planner.errors import InputError
 from planner.files.whole_file import require_writable
-from planner.inputs import positive_number
+from planner.inputs import positive_number, require_path
 from planner.machine.limits import SCALARS, Limits
 from planner.programs.long.done import Done
 from planner.programs.long.journal import FORMAT, Journal
@@ -151,7 +151,7 @@ def plan_program(
         As :func:`~planner.program_path` and :func:`~planner.plan_feedrate` do; and if what an earlier run
         left is damaged, of another version or of other inputs.
     """
-    table = Path(output)
+    table = require_path(output, name="output")
     if table.suffix.lower() != ".npz":
         raise InputError(f"{output}: the plan of a long program is an NPZ table; give a name that ends in .npz")
     lines = table.with_suffix(".lines.csv")

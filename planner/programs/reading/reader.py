@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputError
+from planner.inputs import require_path
 from planner.programs.reading.arcs import resolve_arcs
 from planner.programs.reading.blocks import (
     CENTRES,
@@ -81,10 +82,7 @@ def read_program(path: str | Path, *, start: Sequence[float] | None = None) -> P
     InputError
         ``file:line: word: reason`` for the first thing that is wrong, in the order of the file.
     """
-    try:
-        file = Path(path)
-    except TypeError:
-        raise InputError(f"{path!r} must be the path of a file") from None
+    file = require_path(path)
     state = ReadingState(file.name)
     if start is not None:
         state.place(start)

@@ -35,6 +35,7 @@ from planner.certificate import Certificate, CertificateSection
 from planner.errors import InputError
 from planner.geometry.curve import Curve
 from planner.geometry.differential import dot
+from planner.inputs import require_instance
 from planner.machine.limits import Limits, require_limits
 from planner.profile import FeedrateProfile
 from planner.quantity import ACCELERATION, JERK, Quantity, motion_names
@@ -131,6 +132,7 @@ def verify_bound(curve: Curve, limits: Limits, certificate: Certificate) -> Boun
         curve without one of its own, or holds arrays that are no multipliers.
     """
     limits = require_limits(curve, limits)
+    require_instance(certificate, Certificate, "certificate")
     require_valid(certificate, curve)
     places = Places.of(curve)
     sections = [_SectionOnCurve.of(curve, limits, certificate, k, places) for k in range(len(certificate.sections))]
@@ -155,6 +157,8 @@ def verify_plan_bound(curve: Curve, limits: Limits, certificate: Certificate, pl
 
     Raises InputError as :func:`verify_bound`, and where the certificate is about plans with other ends or other stops.
     """
+    require_instance(certificate, Certificate, "certificate")
+    require_instance(plan, FeedrateProfile, "plan")
     largest = float(plan.feed.max())
     first, last = certificate.sections[0], certificate.sections[-1]
     for name, said, found in (("begin", first.start_feed, plan.feed[0]), ("end", last.end_feed, plan.feed[-1])):
