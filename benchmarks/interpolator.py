@@ -30,14 +30,13 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.cases import drives
+from feedplan.job import load_job
 from interp import InterpolatorTable, TaylorTable, quintic_step, replay, start, taylor_step
 from interp import taylor_kernels as kernels
 from planner import load_curve
 from planner.geometry.curve import Curve
 from planner.machine.limits import Limits
-from planner.machine.machine_file import load_limits
-from planner.plan import plan_feedrate
-from planner.profile import FeedrateProfile
+from planner.profile import FeedrateProfile, Samples
 from planner.samples import Samples
 
 FloatArray = NDArray[np.float64]
@@ -124,11 +123,8 @@ LIMITATIONS = (
 def plan(case: Case) -> tuple[Curve, Limits, FeedrateProfile]:
     """Plan a case."""
     curve = load_curve(case.curve, scale=case.scale)
-    if case.machine:
-        limits = load_limits(case.machine).for_curve(curve).with_feed(case.feed)
-    else:
-        limits = drives(case.feed, curve.dim)
-    return curve, limits, plan_feedrate(curve, limits)
+    job = load_job(curve, case.machine or drives(case.feed, curve.dim), feed=case.feed)
+    return job.curve, job.limits, job.plan()
 
 
 def arrival(samples: Samples) -> int:
@@ -182,7 +178,10 @@ def verdict(curve: Curve, profile: FeedrateProfile, form: Form, samples: Samples
 
 
 def every_phase(curve: Curve, limits: Limits, profile: FeedrateProfile) -> Phases:
-    """Worst ratios and feed fluctuation of the quintic for each period, over the phases of the last one."""
+    """Worst ratios and feed fluctuation of the quintic for each period, over the phases of the last one.
+
+    The replay is what is measured here: it is called by itself, not as a step of a job.
+    """
     worst: Phases = {}
     for period in PERIODS:
         ratios, fluctuations = [], []

@@ -23,7 +23,8 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.cases import reference_cases
-from planner import load_curve, load_limits, plan_feedrate
+from feedplan.job import Job
+from planner import load_curve, load_limits
 from planner.geometry.curve import Curve
 from planner.geometry.differential import chain_rule, jerk_terms
 from planner.law import TimeLaw
@@ -409,7 +410,7 @@ class BoundRow:
 def bound_row(name: str) -> BoundRow:
     """Plan a case and bound it."""
     of = case(name)
-    profile = plan_feedrate(of.curve, of.limits)
+    profile = Job(of.curve, of.limits).plan()
     problem = constraints(of)
     solution = optimal.solve_interior(problem, optimal.start_from(problem, problem.guess))
     assert solution.iterate is not None

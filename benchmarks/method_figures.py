@@ -23,13 +23,12 @@ from rich.console import Console
 
 from benchmarks import method
 from benchmarks.method import Case
-from interp import replay
+from feedplan.job import Job
 from planner.law import TimeLaw
 from planner.output.figures import figure_style, place_panels, save_plot
 from planner.output.palette import FAINT, INK, SERIES
 from planner.output.plan_panels import draw_binding, draw_shares
 from planner.output.traces import trace_plan
-from planner.plan import plan_feedrate
 from planner.types import FloatArray
 
 _WIDTH = 7.1  # inches, as the other figures
@@ -130,8 +129,8 @@ def knots_figure(of: Case, intervals: int = 250) -> Figure:
 def plan_figure(of: Case) -> Figure:
     """Feed with the two bounds above it, and what each axis uses of acceleration and jerk."""
     curve, limits = of.curve, of.limits
-    profile = plan_feedrate(curve, limits)
-    fastest = plan_feedrate(curve, limits, method="toppra")
+    job = Job(curve, limits)
+    profile, fastest = job.plan(), job.plan(method="toppra")
     traces = trace_plan(curve, limits, profile, _POINTS)
     with _page(5.0, 4, 1, sharex=True, height_ratios=(1.6, 1.1, 1.1, 1.7)) as (figure, column):
         feed, acceleration, jerk, held = column[:, 0]
@@ -394,8 +393,8 @@ def sensitivity_figure(of: Case, intervals: int = method.INTERVALS) -> Figure:
 def samples_figure(of: Case, shown: tuple[float, float]) -> Figure:
     """The weight with which sampling averages the jerk, and the third differences of samples beside the jerk."""
     curve, limits = of.curve, of.limits
-    profile = plan_feedrate(curve, limits)
-    period = limits.period
+    job = Job(curve, limits)
+    profile, period = job.plan(), limits.period
     traces = trace_plan(curve, limits, profile, _POINTS)
     with _page(2.3, 1, 2, width_ratios=(1.0, 2.2)) as (figure, ((weight, jerk),)):
         z = np.linspace(-1.8, 1.8, 361)
@@ -405,7 +404,7 @@ def samples_figure(of: Case, shown: tuple[float, float]) -> Figure:
         weight.set(title="weight of the jerk", xlabel="time, periods T", ylabel="weight, 1/T")
         weight.set_ylim(0.0, 0.85)
         jerk.plot(traces.t, traces.low["jerk X"], color=INK, lw=0.8, label="jerk X of the plan")
-        samples = replay(curve, profile, period)
+        samples = job.replay(profile)
         third = np.diff(samples.position[:, 0], 3) / period**3 / limits.jerk[0]
         t = samples.t[:-3] + 1.5 * period
         jerk.plot(t, third, "o", color=_RED, ms=2.4, label="third differences of its samples over T³")

@@ -16,7 +16,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from benchmarks.programs import FOLDER, LIMITS, TOLERANCES
-from planner import Curve, FeedrateProfile, plan_feedrate, read_program
+from feedplan.job import Job
+from planner import Curve, FeedrateProfile, read_program
 from planner.geometry.nurbs import NurbsCurve
 from planner.output.figures import save_plot
 from planner.output.panels import Line, Panel, plot_panels
@@ -37,8 +38,8 @@ _MICRO = 1e3
 _HALVINGS = 18
 
 
-def plan(curve: Curve, intervals: int | None = None) -> FeedrateProfile:
-    return plan_feedrate(curve, LIMITS.for_curve(curve), intervals=intervals)
+def job(curve: Curve) -> Job:
+    return Job(curve, LIMITS.for_curve(curve))
 
 
 def along(profile: FeedrateProfile, u: FloatArray) -> FloatArray:
@@ -62,7 +63,7 @@ def corner_figure() -> Figure:
     shapes, feeds = [], []
     for tolerance in TOLERANCES:
         path = program_path(program, tolerance, LIMITS)
-        profile = plan(path.curve, path.intervals)
+        profile = job(path.curve).plan()
         u = path.u[_VERTEX] + np.linspace(-_AROUND_MM, _AROUND_MM, 4001)
         feeds.append(Line(label(tolerance), u - path.u[_VERTEX], along(profile, u)))
         near = path.u[_VERTEX] + np.linspace(-0.3, 0.3, 6001)
@@ -70,7 +71,7 @@ def corner_figure() -> Figure:
         seen = (np.abs(x) < _AROUND_UM) & (np.abs(y) < _AROUND_UM)
         shapes.append(Line(label(tolerance), x[seen], y[seen]))
     still = program_path(stopping(program), None, LIMITS)
-    rest = plan(still.curve)
+    rest = job(still.curve).plan()
     u = still.u[_VERTEX] + np.linspace(-_AROUND_MM, _AROUND_MM, 4001)
     feeds.append(Line("exact stop", u - still.u[_VERTEX], along(rest, u)))
     corner = program.start[_VERTEX - 1, :2], vertex, program.end[_VERTEX, :2]
@@ -89,14 +90,13 @@ def corner_figure() -> Figure:
 def time_figure() -> Figure:
     """Time of the zigzag against its tolerance, beside a closed formula and an exact stop in every corner."""
     program = read_program(FOLDER / "zigzag.ngc")
-    rest = plan(program_path(stopping(program), None, LIMITS).curve).duration
+    rest = job(program_path(stopping(program), None, LIMITS).curve).plan().duration
     tolerances = np.array(_SWEEP)
     times, without = [], []
     for tolerance in tolerances:
         path = program_path(program, float(tolerance), LIMITS)
-        limits = LIMITS.for_curve(path.curve)
-        times.append(plan(path.curve, path.intervals).duration)
-        without.append(plan_feedrate(path.curve, limits.without_jerk(), intervals=path.intervals).duration)
+        times.append(job(path.curve).plan().duration)
+        without.append(job(path.curve).without_jerk().plan().duration)
     corners = len(program) - 1
     fine = np.concatenate([[0.0], np.geomspace(1e-5, tolerances[-1], 200)])
     # A corner of size A is two overlapping moves of constant jerk: while jerk binds it saves 2 (6 A / J)^(1/3).
@@ -169,17 +169,17 @@ def tube_figure(tolerance: float = 0.01) -> Figure:
     at = exact.u[_SLOT - 1]
     s = at + np.linspace(-12.0, 28.0, 2001)
     inside = np.interp(s, exact.u, path.u)
-    stop = plan(exact.curve)
+    stop = job(exact.curve).plan()
     curves: Sequence[tuple[str, Curve, FloatArray, FeedrateProfile]] = (
-        ("tube", path.curve, inside, plan(path.curve, path.intervals)),
-        ("kernel", kernel, s, plan(kernel, 4 * (kernel.control_points.shape[0]))),
+        ("tube", path.curve, inside, job(path.curve).plan()),
+        ("kernel", kernel, s, job(kernel).plan()),
     )
     times: dict[str, list[float]] = {"tube": [], "kernel": []}
     for value in TOLERANCES:
         other = program_path(program, value, LIMITS)
-        times["tube"].append(plan(other.curve, other.intervals).duration)
+        times["tube"].append(job(other.curve).plan().duration)
         spline = kernel_spline(program, value)
-        times["kernel"].append(plan(spline, 4 * spline.control_points.shape[0]).duration)
+        times["kernel"].append(job(spline).plan().duration)
     um = _MICRO * np.array(TOLERANCES)
     away = [Line(name, s - at, _MICRO * offset(curve, exact, u, s)) for name, curve, u, _ in curves]
     bends = [Line(name, s - at, curve.curvature(u)) for name, curve, u, _ in curves]

@@ -53,7 +53,7 @@ ALLOWED = 0.03  # of the predicted time
 def planned(program: Program, tolerance: float) -> tuple[ProgramPath, Limits, FeedrateProfile]:
     path = program_path(program, tolerance, LIMITS)
     limits = LIMITS.for_curve(path.curve)
-    return path, limits, Job(path.curve, limits).plan(intervals=path.intervals)
+    return path, limits, Job(path.curve, limits).plan()
 
 
 def measure(name: str, tolerance: float) -> dict[str, Any]:
@@ -64,9 +64,9 @@ def measure(name: str, tolerance: float) -> dict[str, Any]:
     limits = LIMITS.for_curve(path.curve)
     made = process_time()
     job = Job(path.curve, limits)
-    profile = job.plan(intervals=path.intervals)
+    profile = job.plan()
     done = process_time()
-    without = job.without_jerk().plan(intervals=path.intervals)
+    without = job.without_jerk().plan()
     bar = BARS.get((name, tolerance))
     return {
         "program": name,

@@ -29,13 +29,12 @@ from rich.table import Table
 
 from benchmarks.cases import drives
 from benchmarks.interpolator import arrival, deviations, difference_ratios, environment, ratio_text
+from feedplan.job import load_job
 from interp.literature.forms import FORMS, FormName, prepare, replay_form
-from planner import load_curve
 from planner.files.whole_file import require_writable, whole_file
 from planner.geometry.curve import Curve
 from planner.machine.limits import Limits
-from planner.plan import plan_feedrate
-from planner.profile import FeedrateProfile
+from planner.profile import FeedrateProfile, Samples
 from planner.samples import Samples
 
 FloatArray = NDArray[np.float64]
@@ -79,9 +78,8 @@ LIMITATIONS = (
 
 def plan(name: str, scale: float, feed: float) -> tuple[Curve, Limits, FeedrateProfile]:
     """Plan a case: axes of 250 mm/s, 1000 mm/s^2, 20000 mm/s^3."""
-    curve = load_curve(name, scale=scale)
-    limits = drives(feed)
-    return curve, limits, plan_feedrate(curve, limits)
+    job = load_job(name, drives(feed), scale=scale)
+    return job.curve, job.limits, job.plan()
 
 
 def fluctuation_by_place(curve: Curve, profile: FeedrateProfile, samples: Samples) -> float:

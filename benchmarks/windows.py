@@ -85,7 +85,7 @@ def run_whole(program: Path) -> dict[str, float | int | bool | str]:
     load_kernels()
     began, cpu = time.perf_counter(), time.process_time()
     job = load_job(program, _limits(), tolerance=_TOLERANCE)
-    profile = job.plan(intervals=job.path.intervals)
+    profile = job.plan()
     report = job.check(profile)
     return {
         "duration_s": profile.duration,

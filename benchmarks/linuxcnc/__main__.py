@@ -20,7 +20,8 @@ import numpy as np
 
 from benchmarks.linuxcnc.interpreter import interpret, is_installed
 from benchmarks.linuxcnc.machine import largest_distance, run_program
-from planner import load_curve, load_limits, plan_feedrate, write_ngc
+from feedplan.job import load_job
+from planner import write_ngc
 
 CASES = (("butterfly-nurbs", 1.0), ("teardrop", 1.0), ("hypotrochoid", 10.0), ("circle", 1.0))
 MODES = ("feed", "inverse_time")
@@ -31,9 +32,8 @@ HEAD = "curve                mode           blocks  predicted s  actual s (2 a) 
 
 def judge(name: str, scale: float, mode: str, folder: Path) -> dict[str, object]:
     """Plan, write, interpret and run one curve."""
-    curve = load_curve(name, scale=scale)
-    limits = load_limits("mill").for_curve(curve)
-    profile = plan_feedrate(curve, limits)
+    job = load_job(name, "mill", scale=scale)
+    curve, limits, profile = job.curve, job.limits, job.plan()
     path = folder / f"{name}.ngc"
     written = write_ngc(path, curve, profile, tolerance=TOLERANCE, mode=mode)
     canonical = interpret(path)
