@@ -83,6 +83,7 @@ TOPICS = {
     "feedplan/cli/test_completion.py": "completion in a shell",
     "feedplan/cli/test_programs.py": "what a shop asks of a part program",
     "feedplan/test_tables.py": "results as tables and in two lines",
+    "test_wheel.py": "what is installed",
     "feedplan/test_arguments.py": "swapped arguments and wrong types, at every door",
     "machine/test_feed_caps.py": "limits of a curve whose blocks have feeds of their own",
     "output/test_roundtrip.py": "programs that are written and planned again",

@@ -58,7 +58,7 @@ def test_every_iterate_from_the_scan_is_feasible_and_the_last_is_the_optimum(cir
 
 def test_the_relaxation_meets_the_optimum_from_below(circle):
     problem = method.constraints(circle, SMALL)
-    solution = method.optimal.solve(problem, method.optimal.start_from(problem, problem.guess))
+    solution = method.optimal.solve_interior(problem, method.optimal.start_from(problem, problem.guess))
     found = method.relax(circle, SMALL)
     assert 0.999 < found.bound / (solution.time * problem.time_unit) <= 1.0
     assert (found.pace >= found.x**-0.5 * (1.0 - 1e-6)).all()
