@@ -36,7 +36,7 @@ from interp import taylor_kernels as kernels
 from planner import load_curve
 from planner.geometry.curve import Curve
 from planner.machine.limits import Limits
-from planner.profile import FeedrateProfile, Samples
+from planner.profile import FeedrateProfile
 from planner.samples import Samples
 
 FloatArray = NDArray[np.float64]

@@ -34,7 +34,7 @@ from interp.literature.forms import FORMS, FormName, prepare, replay_form
 from planner.files.whole_file import require_writable, whole_file
 from planner.geometry.curve import Curve
 from planner.machine.limits import Limits
-from planner.profile import FeedrateProfile, Samples
+from planner.profile import FeedrateProfile
 from planner.samples import Samples
 
 FloatArray = NDArray[np.float64]

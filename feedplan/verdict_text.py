@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from feedplan.verdict import Verdict, percent, side_by_side
 from planner.geometry.curve import Curve
 from planner.machine.limits import Limits
-from planner.profile import FeedrateProfile, Samples
+from planner.profile import FeedrateProfile
 from planner.samples import Samples
 from planner.status import Claim
 from planner.verify import Report, Row
