@@ -181,7 +181,7 @@ def blend_row(name: str, width: float, intervals: int = INTERVALS) -> BlendRow:
 
 def measured(of: Case, at: Stage, attempt: Attempt) -> tuple[TimeLaw, Utilisation]:
     """The time law of a solution, and what it uses between its nodes."""
-    nodes = attempt.law.time_law(at.path)
+    nodes = attempt.speed_law.time_law(at.path)
     return nodes, utilisation(of.curve, of.limits, nodes)
 
 
@@ -366,7 +366,7 @@ def grid_rows(name: str, counts: Sequence[int]) -> list[GridRow]:
         attempt = at.solve(of.task, coarse_attempt(of, n), _FINE_GAP)
         work = attempt.work
         cost = 1e6 * work.solve_cpu_s / work.iterations / at.grid.intervals
-        duration = float(attempt.law.time_law(at.path).t[-1])
+        duration = float(attempt.speed_law.time_law(at.path).t[-1])
         rows.append(GridRow(name, at.grid.intervals, duration, 0.0, work.iterations, cost))
     return [replace(row, above_finest=row.duration_s / rows[-1].duration_s - 1.0) for row in rows]
 

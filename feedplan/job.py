@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from feedplan.verdict import Verdict
     from planner.geometry.curve import Curve
     from planner.machine.limits import Limits
-    from planner.output.ngc import Mode, WrittenProgram
+    from planner.output.ngc import FeedMode, WrittenProgram
     from planner.profile import FeedrateProfile
     from planner.programs.path.smooth_path import ProgramPath
     from planner.programs.reading.program import Program
@@ -190,7 +190,7 @@ class Job:
             raise InputError(f"{self.curve.name} has no lines; their times need a part program")
         return line_times(self.program, self.path, profile)
 
-    def write(self, file: Path, profile: FeedrateProfile, mode: Mode, **options: Any) -> WrittenProgram:
+    def write(self, file: Path, profile: FeedrateProfile, mode: FeedMode, **options: Any) -> WrittenProgram:
         """Write a program of the plan for LinuxCNC; options as for :func:`planner.write_ngc`."""
         from planner.output.ngc import write_ngc
         from planner.output.ngc_program import write_program

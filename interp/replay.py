@@ -16,7 +16,7 @@ from planner.samples import Samples
 from planner.types import FloatArray
 
 if TYPE_CHECKING:
-    from interp.taylor import InterpolatorTable, Run, TaylorTable
+    from interp.taylor import InterpolatorTable, PlaceRun, TaylorTable
 
 ORDERS = (1, 2, 3, 5)
 _CHUNK = 1 << 16
@@ -126,7 +126,7 @@ def _fill(
     _advance(run, state, u[1:], position[1:])
 
 
-def _advance(run: Run, state: FloatArray, u: FloatArray, position: FloatArray) -> None:
+def _advance(run: PlaceRun, state: FloatArray, u: FloatArray, position: FloatArray) -> None:
     """Take one step for each row, a chunk of rows to a compiled call."""
     for begin in range(0, u.size, _CHUNK):
         rows = slice(begin, begin + _CHUNK)

@@ -32,7 +32,7 @@ from planner.types import FloatArray
 
 __all__ = ["InterpolatorTable", "TaylorTable", "last_sample", "quintic_step", "start", "taylor_step"]
 
-Run = Callable[[FloatArray, FloatArray, FloatArray], None]
+PlaceRun = Callable[[FloatArray, FloatArray, FloatArray], None]
 
 # Leading bits of the period; times a sample number below 2^33 their product is exact.
 _PERIOD_BITS = 20
@@ -210,7 +210,7 @@ def last_sample(duration: float, period: float) -> int:
     return max(1, whole if abs(periods - whole) <= WHOLE_PERIOD else int(np.ceil(periods)))
 
 
-def runner(table: InterpolatorTable | TaylorTable, order: int) -> Run:
+def runner(table: InterpolatorTable | TaylorTable, order: int) -> PlaceRun:
     """Return the compiled loop of an order: (state, u, flat positions), filled with ``u.size`` steps."""
     arrays = table.arrays
     if isinstance(table, InterpolatorTable):

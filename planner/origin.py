@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from planner.geometry.tolerance import PathTolerance
-
-DEFAULT_PERIOD = 1e-3  # s
+from planner.machine.limits import DEFAULT_PERIOD
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 FloatArray: TypeAlias = NDArray[np.float64]
+IntArray: TypeAlias = NDArray[np.intp]
 # From which side a function is looked at where it jumps.
 Side: TypeAlias = Literal["left", "right"]
 # Called with what is being done, and how far it is, in [0, 1], or None where nobody knows.

@@ -31,10 +31,18 @@ def test_the_scan_sees_the_names():
     assert defined(every, ast.FunctionDef)["chain_rule"] == {TWINS, "planner/geometry/differential.py"}
 
 
-def test_a_class_name_is_used_once_in_all_packages_private_ones_too():
+def test_the_name_of_a_class_or_type_is_used_once_in_all_packages_private_ones_too():
     found = defaultdict(set)
-    for name, places in defined([path for paths in FILES.values() for path in paths], ast.ClassDef).items():
-        found[name.lstrip("_")] |= {f"{place}:{name}" for place in places}
+    for path in (path for paths in FILES.values() for path in paths):
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", node)]
+            names = (
+                [node.name] if isinstance(node, ast.ClassDef) else [t.id for t in targets if isinstance(t, ast.Name)]
+            )
+            for name in names:
+                if re.match(r"_?[A-Z][a-z]", name):  # also what stands for a type: Place = tuple[float, float]
+                    found[name.lstrip("_")].add(path.relative_to(ROOT).as_posix())
+    assert {"FeedrateProfile", "FloatArray", "Side"} <= set(found)
     assert twice(found) == {}
 
 

@@ -17,7 +17,7 @@ from planner.files.whole_file import require_writable
 from planner.geometry.tolerance import DEFAULT_TOLERANCE
 
 if TYPE_CHECKING:
-    from planner.output.ngc import Mode
+    from planner.output.ngc import FeedMode
 
 
 @app.command(
@@ -76,7 +76,7 @@ def ngc(
             profile = job.plan(line) if table is None else read_table(table, job.curve)
             verdict = job.judge(profile, line)
             line(f"writing {written_to}")
-            mode: Mode = "inverse_time" if inverse_time else "feed"
+            mode: FeedMode = "inverse_time" if inverse_time else "feed"
             written = job.write(written_to, profile, mode, block_time=block_time_s, report=verdict.report)
         deviation = written.deviation + (0.0 if job.path is None else job.path.deviation.largest)
         name = at.told(str(written_to))

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 _SAMPLES_AT_ONCE = 1_000_000  # bounds the memory that evaluating the plan takes
 
 
-class Method(StrEnum):
+class MethodName(StrEnum):
     """Solvers of the plan command."""
 
     optimal = "optimal"
@@ -60,7 +60,7 @@ def plan(
     curve: CurveName,
     *,
     machine: Machine = None,
-    method: Annotated[Method, typer.Option(help="Solver; toppra knows no jerk limit.")] = Method.optimal,
+    method: Annotated[MethodName, typer.Option(help="Solver; toppra knows no jerk limit.")] = MethodName.optimal,
     feed_mm_s: Annotated[float | None, typer.Option(help="Commanded feed, in place of the machine's.")] = None,
     scale: Scale = 1.0,
     period_s: Annotated[float | None, typer.Option(help="Interpolation period, in place of the machine's.")] = None,
@@ -162,7 +162,7 @@ class Files:
         every = (self.output, self.certificate, self.plot, self.report, self.program, self.lines)
         return tuple(str(name) for name in every if name is not None)
 
-    def require_writable(self, curve: str, machine: str | None, method: Method) -> None:
+    def require_writable(self, curve: str, machine: str | None, method: MethodName) -> None:
         """Refuse what cannot be written before anything is planned."""
         require_apart(
             [self.output, self.certificate, self.plot, self.report, self.program, self.lines], [curve, machine]
@@ -205,7 +205,7 @@ class Files:
             write_report(self.report, verdict, lines=lines, progress=line)
 
 
-def _require_certifiable(certificate: Path, method: Method) -> None:
+def _require_certifiable(certificate: Path, method: MethodName) -> None:
     """Refuse a certificate that could not be made or written before the work begins."""
     from planner.errors import InputError
     from planner.output.certificate_file import require_npz

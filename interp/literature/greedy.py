@@ -33,7 +33,16 @@ from typing import NoReturn
 import numpy as np
 
 from interp.literature.greedy_run import GreedyRun, finish
-from interp.literature.greedy_setup import Braking, ErrorCurve, Formula, GreedySetup, Mode, StepFeed, Variant, set_up
+from interp.literature.greedy_setup import (
+    Braking,
+    ErrorCurve,
+    Formula,
+    GreedyMode,
+    GreedySetup,
+    StepFeed,
+    Variant,
+    set_up,
+)
 from planner.errors import InputError, StalledError
 from planner.geometry.curve import Curve
 from planner.machine.limits import Limits, require_limits
@@ -49,7 +58,7 @@ def greedy(
     limits: Limits,
     algorithm: int,
     *,
-    mode: Mode = "compat",
+    mode: GreedyMode = "compat",
     error_curve: ErrorCurve | None = None,
     variant: Variant = "theta",
     step_feed: StepFeed | None = None,

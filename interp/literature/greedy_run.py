@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from interp.literature.greedy_published import DEFECTS, printed_count
-from interp.literature.greedy_setup import GreedySetup, Mode, Variant
+from interp.literature.greedy_setup import GreedyMode, GreedySetup, Variant
 from planner.errors import InputError
 from planner.geometry.chord import half_chord
 from planner.machine.feed_limits import FeedrateLimits
@@ -102,7 +102,7 @@ class GreedyRun:
 
     samples: Samples
     algorithm: int
-    mode: Mode
+    mode: GreedyMode
     variant: Variant
     defects: tuple[str, ...]
     n: int

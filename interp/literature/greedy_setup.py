@@ -18,13 +18,13 @@ from planner.machine.limits import Limits
 from planner.quantity import JERK
 from planner.types import FloatArray
 
-Mode = Literal["compat", "physical"]
+GreedyMode = Literal["compat", "physical"]
 ErrorCurve = Literal["teardrop", "own"]
 Variant = Literal["theta", "root"]
 StepFeed = Literal["command", "planned"]
 Formula = Literal["published", "exact"]
 Braking = Literal["strict", "soft"]
-Path = tuple[FloatArray, FloatArray, bool]  # breaks in [0, 1], coefficients, rational: see ``greedy_kernels``
+UnitPieces = tuple[FloatArray, FloatArray, bool]  # breaks in [0, 1], coefficients, rational: see ``greedy_kernels``
 
 _SCAN_POINTS = 1000
 _SINGULAR = 1e-12  # of the largest |C'|
@@ -37,13 +37,13 @@ class GreedySetup:
     curve: Curve
     limits: Limits
     algorithm: int
-    mode: Mode
+    mode: GreedyMode
     variant: Variant
     repaired: Mapping[str, str]  # value of each argument of DEFECTS
     max_steps: int
     settings: FloatArray
-    own: Path
-    error: Path
+    own: UnitPieces
+    error: UnitPieces
     top_speed: float
 
     @property
@@ -60,7 +60,7 @@ def set_up(
     curve: Curve,
     limits: Limits,
     algorithm: int,
-    mode: Mode,
+    mode: GreedyMode,
     variant: Variant,
     switches: Mapping[str, str | None],
     braking: Braking,
@@ -142,7 +142,7 @@ def _step_count(max_steps: int) -> int:
     return count
 
 
-def _path(curve: Curve) -> Path:
+def _path(curve: Curve) -> UnitPieces:
     """The curve's pieces over [0, 1]."""
     pieces = curve.pieces
     u0, u1 = curve.domain
@@ -151,7 +151,7 @@ def _path(curve: Curve) -> Path:
     return breaks, pieces.powers, pieces.rational
 
 
-def _teardrop() -> Path:
+def _teardrop() -> UnitPieces:
     """The teardrop as its own polynomials, which is exact, and fast where a back-off takes thousands of trials."""
     x, y, one = [0.0, -150.0, 450.0, -300.0], [0.0, -150.0, 150.0, 0.0], [1.0, 0.0, 0.0, 0.0]
     return np.array([0.0, 1.0]), np.array([[x, y, one]]), False

@@ -16,6 +16,7 @@ from planner.inputs import numbers, positive_number, require_instance
 from planner.quantity import AXIS, CHORD_ERROR, FEED, PATH, QUANTITIES, TANGENTIAL, Quantity
 from planner.types import FloatArray
 
+DEFAULT_PERIOD = 1e-3  # of a controller, s
 _MAX_AXES = 6
 _WIDTH = 100  # characters of a line of the repr
 # What besides the quantities is one number: the period (s), and the feed of rapids (mm/s).
@@ -73,7 +74,7 @@ class Limits:
         acceleration: ArrayLike,
         jerk: ArrayLike,
         chord_error: float = np.inf,
-        period: float = 1e-3,
+        period: float = DEFAULT_PERIOD,
         tangential_acceleration: float = np.inf,
         tangential_jerk: float = np.inf,
         axes: Sequence[str] = (),

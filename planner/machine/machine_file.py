@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from planner.errors import InputError
 from planner.geometry.curve import AXES, ROTARY_AXES
 from planner.inputs import read_text, shorten
-from planner.machine.limits import PERIOD, RAPID, SCALARS, Limits
+from planner.machine.limits import DEFAULT_PERIOD, PERIOD, RAPID, SCALARS, Limits
 from planner.machine.linuxcnc_ini import machine_table
 from planner.quantity import AXIS, FEED, QUANTITIES
 
@@ -140,7 +140,7 @@ def _file_models() -> tuple[type[BaseModel], type[BaseModel], type[BaseModel]]:
     head: dict[str, Any] = {
         file_key(name): (positive, ... if name in required else math.inf) for name in (FEED.key, RAPID, *SCALARS)
     }
-    head[file_key(PERIOD)] = (finite, 1e-3)
+    head[file_key(PERIOD)] = (finite, DEFAULT_PERIOD)
     machine: Any = create_model("Machine", __config__=strict, **head)
     linear = of_axis("mm", Literal["X", "Y", "Z", "U", "V", "W"])
     return machine, linear, of_axis("rad", Literal["A", "B", "C"])

@@ -29,7 +29,7 @@ from planner.samples import Samples
 from planner.types import FloatArray
 from planner.verify import Report, check
 
-Mode = Literal["feed", "inverse_time"]
+FeedMode = Literal["feed", "inverse_time"]
 
 _LEVER_MM = 100.0  # an angle counts as the way of a point at this distance from its axis
 _PROBES = 16  # inside a block, at Chebyshev points: they miss the peak of a parabola by at most 1 %
@@ -67,7 +67,7 @@ def write_ngc(
     plan: FeedrateProfile | Samples,
     *,
     tolerance: float,
-    mode: Mode = "feed",
+    mode: FeedMode = "feed",
     block_time: float = 0.01,
     inserted: Sequence[tuple[float, str]] = (),
     report: Report | None = None,
@@ -267,7 +267,7 @@ def _lines(
     curve: Curve,
     blocks: _WrittenLines,
     feeds: list[str],
-    mode: Mode,
+    mode: FeedMode,
     blend: float,
     decimals: int,
     inserted: Sequence[tuple[float, str]],

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from planner.inputs import require_instance
-from planner.output.ngc import Mode, WrittenProgram, write_ngc
+from planner.output.ngc import FeedMode, WrittenProgram, write_ngc
 from planner.profile import FeedrateProfile
 from planner.programs.path.smooth_path import ProgramPath
 from planner.programs.reading.program import AXES, Program
@@ -29,7 +29,7 @@ def write_program(
     profile: FeedrateProfile,
     *,
     tolerance: float,
-    mode: Mode = "feed",
+    mode: FeedMode = "feed",
     block_time: float = 0.01,
     report: Report | None = None,
 ) -> WrittenProgram:

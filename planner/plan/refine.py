@@ -298,7 +298,7 @@ class Round:
     @classmethod
     def of(cls, task: Task, number: int, attempt: Attempt, path: Parameter) -> Round:
         """Measure an attempt between its nodes; a SolverError where it is not finite."""
-        given = attempt.law.time_law(path)
+        given = attempt.speed_law.time_law(path)
         require_finite_law(task.section.curve, given)
         kept = _apart_from_stops(task.section, given)
         law = given if kept.size == given.t.size else given.only(kept)

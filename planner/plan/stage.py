@@ -107,7 +107,7 @@ class Attempt:
     that one percent more of each limit saves, s, where the solver tells.
     """
 
-    law: SpeedLaw
+    speed_law: SpeedLaw
     waypoint: Waypoint | None
     unbound: FloatArray
     status: Status
@@ -117,7 +117,7 @@ class Attempt:
     @property
     def idle(self) -> float:
         """Share of the time in which no limit binds."""
-        time = np.diff(self.law.sigma) / np.sqrt(0.5 * (self.law.x[1:] + self.law.x[:-1]))
+        time = np.diff(self.speed_law.sigma) / np.sqrt(0.5 * (self.speed_law.x[1:] + self.speed_law.x[:-1]))
         return float(time @ self.unbound / time.sum())
 
 
@@ -180,8 +180,8 @@ class Stage:
         problem = self.problem
         per_x = (problem.length_unit / problem.time_unit) ** 2
         if before is not None:
-            floor = _MIN_GUESS * float(before.law.x.min())
-            problem = replace(problem, guess=np.maximum(before.law.at(self.grid.sigma), floor) / per_x)
+            floor = _MIN_GUESS * float(before.speed_law.x.min())
+            problem = replace(problem, guess=np.maximum(before.speed_law.at(self.grid.sigma), floor) / per_x)
         waypoint = before.waypoint if before else None
         try:
             solution = _run(task, problem, waypoint, before is not None, tolerance)
@@ -271,13 +271,13 @@ class Stage:
 
     def _held(self, attempt: Attempt, by: FloatArray, stuck: NDArray[np.bool_]) -> Holds:
         """Hold the speed in the intervals ``stuck`` below that of an attempt, by these factors."""
-        sigma, x = self.grid.sigma, attempt.law.x
+        sigma, x = self.grid.sigma, attempt.speed_law.x
         slower = np.maximum(x[1:], x[:-1])[stuck] / by[stuck] ** 2
         return self.holds.with_more(sigma[:-1][stuck], sigma[1:][stuck], slower)
 
     def _shortest(self, task: Task, attempt: Attempt) -> NDArray[np.bool_]:
         """Intervals (n - 1,) whose halves would be shorter than nodes may be apart."""
-        guess, law = task.guess, attempt.law
+        guess, law = task.guess, attempt.speed_law
         y = task.section.position(0.5 * (self.grid.sigma[1:] + self.grid.sigma[:-1]))
         least = np.interp(y, guess.y, least_times(guess))
         time = np.diff(self.grid.sigma) / np.sqrt(0.5 * (law.x[1:] + law.x[:-1]))

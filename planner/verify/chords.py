@@ -10,10 +10,10 @@ from planner.geometry.chord import distance_to_chord
 from planner.geometry.curve import Curve
 from planner.geometry.differential import norm
 from planner.samples import Samples
-from planner.types import FloatArray
+from planner.types import FloatArray, IntArray
 from planner.verify.findings import Place
 from planner.verify.motion import Motion, Quintics
-from planner.verify.peaks import CANDIDATES, Highest, IntArray, chunks, zoom
+from planner.verify.peaks import CANDIDATES, Highest, chunks, zoom
 from planner.verify.sizes import LENGTH_ACCURACY
 
 # A period is looked at in sixteenths; chords start every fourth of them.

@@ -20,9 +20,8 @@ from planner.geometry.differential import chain_rule, norm
 from planner.machine.limits import Limits
 from planner.profile import BINDING_SHARE, FeedrateProfile
 from planner.quantity import CHORD_ERROR, FEED, NONE, with_label
-from planner.types import FloatArray
+from planner.types import FloatArray, IntArray
 from planner.verify.motion import Quintics
-from planner.verify.peaks import IntArray
 from planner.verify.quantities import ALONG, names, sizes_of
 
 BINDING_TOLERANCE = 1e-3  # of a limit

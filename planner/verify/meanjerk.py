@@ -13,10 +13,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from planner.types import FloatArray
+from planner.types import FloatArray, IntArray
 from planner.verify.findings import Place
 from planner.verify.motion import Motion
-from planner.verify.peaks import IntArray, chunks
+from planner.verify.peaks import chunks
 from planner.verify.sizes import EPS
 
 _DIGITS = 16.0  # of derivatives: sums of a few products

@@ -9,8 +9,7 @@ import numpy as np
 
 from planner.geometry.curve import Curve
 from planner.geometry.differential import norm
-from planner.types import FloatArray
-from planner.verify.peaks import IntArray
+from planner.types import FloatArray, IntArray
 from planner.verify.quantities import names
 from planner.verify.sizes import EPS, ON_KNOT, ON_KNOT_OF_GAP
 

@@ -5,11 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
-from planner.types import FloatArray
-
-IntArray = NDArray[np.intp]
+from planner.types import FloatArray, IntArray
 
 # Points evaluated at once; bounds the memory, changes no result.
 _CHUNK_POINTS = 50_000

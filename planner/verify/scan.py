@@ -9,10 +9,10 @@ import numpy as np
 
 from planner.geometry.curve import FeedCaps
 from planner.machine.limits import Limits
-from planner.types import FloatArray
+from planner.types import FloatArray, IntArray
 from planner.verify.findings import Place
 from planner.verify.motion import Motion
-from planner.verify.peaks import Highest, IntArray, chunks, zoom
+from planner.verify.peaks import Highest, chunks, zoom
 from planner.verify.quantities import axis_rows, names, sizes_of
 from planner.verify.sizes import VELOCITY_STEP
 

@@ -154,7 +154,7 @@ def test_methods():
     methods = get_args(Method)
     said = next(row[2] for row in rows("format-table", "header") if row[0] == "method")
     assert said == ", ".join(f"`{method}`" for method in methods)
-    assert tuple(method.value for method in feedplan.cli.plan.Method) == methods
+    assert tuple(method.value for method in feedplan.cli.plan.MethodName) == methods
 
 
 def test_samples(files):

@@ -76,7 +76,7 @@ def test_a_solve_that_stalls_is_begun_anew_without_the_law_before_it(solves: lis
     found = stage.solve(task, before)
     assert len(solves) == 3
     assert found.status is Status.OPTIMAL
-    assert found.law.x == pytest.approx(before.law.x, rel=1e-4)
+    assert found.speed_law.x == pytest.approx(before.speed_law.x, rel=1e-4)
     # the third one knows neither the law nor the way to it
     problem, start = solves[2]
     assert problem is stage.problem
@@ -91,7 +91,7 @@ def test_a_stalled_solve_is_kept_where_the_second_is_no_better(solves: list[tupl
     found = stage.solve(task, before)
     assert len(solves) == 3
     assert found.status is Status.NO_STEP
-    assert found.law.x == pytest.approx(before.law.x / 1.5**2, rel=1e-4)
+    assert found.speed_law.x == pytest.approx(before.speed_law.x / 1.5**2, rel=1e-4)
 
 
 def test_a_first_solve_that_stalls_is_not_repeated(solves: list[tuple[Any, Any]]) -> None:
@@ -107,7 +107,7 @@ def test_a_solve_begins_at_the_law_before_it(solves: list[tuple[Any, Any]]) -> N
     per_x = (stage.problem.length_unit / stage.problem.time_unit) ** 2
     stage.solve(task, replace(before, waypoint=None))
     stage.solve(task, before)
-    assert solves[1][0].guess * per_x == pytest.approx(before.law.x, rel=1e-12)
+    assert solves[1][0].guess * per_x == pytest.approx(before.speed_law.x, rel=1e-12)
     assert solves[2][1] is before.waypoint
 
 
@@ -215,7 +215,7 @@ def test_a_tightened_solve_begins_on_the_way_of_the_last_unless_a_feed_is_prescr
 def test_idle_is_the_share_of_the_time_in_which_nothing_binds() -> None:
     task, stage = task_of()
     attempt = stage.solve(task, None)
-    time = np.diff(attempt.law.time_law(stage.path).t).reshape(-1, 2).sum(axis=1)
+    time = np.diff(attempt.speed_law.time_law(stage.path).t).reshape(-1, 2).sum(axis=1)
     some = np.zeros(time.size)
     some[[3, 30, 31]] = 1.0, 0.5, 1.0
     idle = replace(attempt, unbound=some).idle

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.plan.dual.method import Problem, best_multipliers
-from planner.plan.dual.terms import RULE_NODES, RULE_WEIGHTS, IntArray, Multiplied, Points, Track, jump_cap
+from planner.plan.dual.terms import RULE_NODES, RULE_WEIGHTS, Multiplied, Points, Track, jump_cap
 from planner.plan.dual.value import Splines, normalised, seam_price, value
 from planner.plan.ends import Free, Rest
 from planner.plan.section import Section
-from planner.types import FloatArray
+from planner.types import FloatArray, IntArray
 
 ROUNDS = 3
 _LOAD_MET, _LOAD_TOUCHED, _MARGIN = 1.0005, 1.0002, 1.0005

@@ -30,10 +30,9 @@ from planner.plan.knots import Grid
 from planner.plan.rows import path_at
 from planner.plan.section import Section, axis_weights
 from planner.quantity import ACCELERATION, JERK, motion_names
-from planner.types import FloatArray
+from planner.types import FloatArray, IntArray
 
 _REVERSAL_SAMPLES = 33  # of a piece
-IntArray = NDArray[np.intp]
 
 # Nodes in [0, 1] of the rule of the solver: Lobatto's, the ends moved inside, and their weights.
 INSIDE = 1e-3

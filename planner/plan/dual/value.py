@@ -21,10 +21,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.plan.dual.terms import RULE_NODES, IntArray, Multiplied, Points, Track, jump_cap, largest_steps
+from planner.plan.dual.terms import RULE_NODES, Multiplied, Points, Track, jump_cap, largest_steps
 from planner.plan.ends import Feed
 from planner.plan.jumps import STEP_REACH, STEP_SEEN
-from planner.types import FloatArray
+from planner.types import FloatArray, IntArray
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
 _NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS

@@ -16,7 +16,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from planner.errors import InputError
 from planner.geometry.curve import Curve
@@ -33,10 +32,9 @@ from planner.machine.feed_limits import chord_feed_limit, commanded_feed, larges
 from planner.machine.limits import Limits
 from planner.plan.jumps import JERK_BESIDE_STEP, PERIODS_AROUND_STEP, STEP_SHARE, passable
 from planner.quantity import ACCELERATION, JERK, TANGENTIAL
-from planner.types import FloatArray, Side
+from planner.types import FloatArray, IntArray, Side
 
-Nodes = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
-IntArray = NDArray[np.intp]
+LawColumns = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
 _REST = 1e-9  # |p'| below this fraction of its largest value: the tip rests
 # The first grid: so many points evenly in u, as many in s, and some in each panel of the arc length; then up to so many
@@ -272,7 +270,7 @@ def _tops(v: float, rows: FloatArray, length: float, fastest_end: float, period:
 
 def tabulate(
     curve: Curve, limits: Limits, u_ends: tuple[float, float], h: FloatArray, jerk: FloatArray, states: FloatArray
-) -> Nodes:
+) -> LawColumns:
     """Turn phases of constant jerk along the arc length into the nodes (t, u, u_rate, u_acceleration) of a time law.
 
     Nodes stand where phases begin and on the curve's knots; an interval is halved while its quintic is off.  With an
@@ -357,7 +355,7 @@ def _rounding(t: FloatArray, u: FloatArray, rate: FloatArray, gap: FloatArray) -
     return np.asarray(_DIGITS_OF_ORDER * digit / gap ** np.array([[1.0], [2.0], [3.0]]))
 
 
-def used_exactly(curve: Curve, limits: Limits, nodes: Nodes) -> tuple[FloatArray, FloatArray]:
+def used_exactly(curve: Curve, limits: Limits, nodes: LawColumns) -> tuple[FloatArray, FloatArray]:
     """Measure a time law on the exact curve, in each interval between its nodes.
 
     Returns
@@ -422,7 +420,7 @@ def _shares(
     return np.asarray(np.concatenate([*of_axes, np.stack(of_tip, axis=1)], axis=1).max(axis=1))
 
 
-def _steps(curve: Curve, limits: Limits, nodes: Nodes, when: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _steps(curve: Curve, limits: Limits, nodes: LawColumns, when: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Share used of the acceleration step allowed, for the interval after each node; share of the jerk allowed at times."""
     t, u, rate, acceleration = nodes
     jumps = [b.u for b in curve.breaks if b.is_curvature_jump and u[0] < b.u < u[-1]]

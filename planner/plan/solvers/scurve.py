@@ -40,7 +40,7 @@ from planner.machine.limits import Limits, require_limits
 from planner.plan.solvers.arcpath import (
     NOISE,
     ArcPath,
-    Nodes,
+    LawColumns,
     describe,
     tabulate,
     used_exactly,
@@ -72,7 +72,7 @@ _NUDGE, _NUDGES = 0.998, 3
 
 def plan_scurve(
     curve: Curve, limits: Limits, u_start: float, u_end: float, start_feed: float, end_feed: float
-) -> Nodes:
+) -> LawColumns:
     """Plan a section of a path that has no exact stop inside.
 
     Parameters

@@ -7,12 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.plan.solvers.arcpath import (
-    ArcPath,
-    IntArray,
-    advance_phase,
-)
-from planner.types import FloatArray
+from planner.plan.solvers.arcpath import ArcPath, advance_phase
+from planner.types import FloatArray, IntArray
 
 # Factors in time of the tops that are tried: all at once on the ladder, or the block's own ones slightly.
 LADDER: FloatArray = 0.9 ** np.arange(56.0)

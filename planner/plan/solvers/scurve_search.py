@@ -6,10 +6,7 @@ from itertools import product
 
 import numpy as np
 
-from planner.plan.solvers.arcpath import (
-    ArcPath,
-    IntArray,
-)
+from planner.plan.solvers.arcpath import ArcPath
 from planner.plan.solvers.scurve_blocks import (
     LADDER,
     SLIGHTLY,
@@ -20,7 +17,7 @@ from planner.plan.solvers.scurve_blocks import (
     durations,
     trace,
 )
-from planner.types import FloatArray
+from planner.types import FloatArray, IntArray
 
 # Directions of the search.  Of a block: the logarithms of its top feed, accelerations up and down, and jerk.  Of a node:
 # the logarithm of its feed, its place, and the pace of the ramps on both sides of it.

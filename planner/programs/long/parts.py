@@ -26,7 +26,7 @@ from planner.machine.limits import Limits
 from planner.programs.long.run import Run, cut_run
 from planner.programs.path.absorb import Absorbed, absorb
 from planner.programs.path.corners import Junction, Junctions, classify
-from planner.programs.path.measure import Place, Written, largest_deviation
+from planner.programs.path.measure import LinePlace, Written, largest_deviation
 from planner.programs.path.moves import MovingBlocks
 from planner.programs.path.smooth_path import (
     _MARGIN,
@@ -357,7 +357,7 @@ def _measured(view: _View, pieces: _FittedTubes) -> PathPart:
     return PathPart(run, rests, found.largest, largest, int(view.given[at]), stops)
 
 
-def _measured_places(view: _View, pieces: _FittedTubes) -> tuple[list[Place], list[Place]]:
+def _measured_places(view: _View, pieces: _FittedTubes) -> tuple[list[LinePlace], list[LinePlace]]:
     """Corners and tubes of the part, and lines that stand for several blocks, with the tolerance in force there."""
     lo, hi = view.start - _BESIDE, pieces.end + _BESIDE
     places = [

@@ -30,7 +30,7 @@ from planner.geometry.blend import BLEND_REACH
 from planner.programs.path.corner_sizes import rooms
 from planner.programs.path.corners import CORNER_TURN, SHARE_OF_BLOCK, tangent_jumps
 from planner.programs.path.deviation import Programmed
-from planner.programs.path.measure import Place, Written
+from planner.programs.path.measure import LinePlace, Written
 from planner.programs.path.moves import MovingBlocks
 from planner.programs.reading.program import ARC, AXES, LINE, Program, rows_of
 from planner.types import FloatArray
@@ -80,7 +80,7 @@ class Absorbed:
         """The given blocks, and where they lie on the moves that are left."""
         return Written(programmed, self.place, self.lines())
 
-    def lines(self, first: int = 0, last: int | None = None) -> list[Place]:
+    def lines(self, first: int = 0, last: int | None = None) -> list[LinePlace]:
         """Where moves from ``first`` to before ``last`` stand for several blocks, and the tolerance there."""
         several = np.bincount(self.owner, minlength=self.own.size)[first:last] > 1
         rows = first + np.flatnonzero(several)

@@ -15,7 +15,8 @@ from planner.geometry.curve import Curve
 from planner.programs.path.deviation import Deviation, Programmed, deviation
 from planner.types import FloatArray
 
-Place = tuple[float, float, float]
+# Where a line lies along the path, from and to, and its tolerance, mm.
+LinePlace = tuple[float, float, float]
 _ROUNDED = 1e-9  # mm: what digits leave of a path that is the program itself
 _REACH = 8.0  # tolerances along the path in which the nearest point is searched, besides what pieces and blocks take
 
@@ -35,7 +36,7 @@ class Written:
 
     programmed: Programmed
     place: FloatArray
-    lines: Sequence[Place]
+    lines: Sequence[LinePlace]
 
     @property
     def slack(self) -> float:
@@ -45,7 +46,12 @@ class Written:
 
 
 def largest_deviation(
-    curve: Curve, u_edges: FloatArray, s_edges: FloatArray, written: Written, places: Sequence[Place], widest: float
+    curve: Curve,
+    u_edges: FloatArray,
+    s_edges: FloatArray,
+    written: Written,
+    places: Sequence[LinePlace],
+    widest: float,
 ) -> tuple[Deviation, float]:
     """Measure a path at the places where it is not the program itself.
 

@@ -25,7 +25,7 @@ from planner.programs.path.absorb import Absorbed, absorb
 from planner.programs.path.corners import Junction, Junctions, blends_at, classify
 from planner.programs.path.deviation import Deviation
 from planner.programs.path.feeds import caps_of_blocks
-from planner.programs.path.measure import Place, Written, largest_deviation
+from planner.programs.path.measure import LinePlace, Written, largest_deviation
 from planner.programs.path.moves import MovingBlocks, moving_axes
 from planner.programs.path.stretch import Fitted, Stretch, fit
 from planner.programs.reading.noise import noise_amplitude
@@ -326,7 +326,7 @@ def _measure(absorbed: Absorbed, built: _Built, written: Written) -> tuple[Devia
     return largest_deviation(built.curve, built.u_edges, built.s_edges, written, places, widest)
 
 
-def places_of(edges: FloatArray, own: FloatArray, junctions: Junctions, tubes: list[Fitted]) -> list[Place]:
+def places_of(edges: FloatArray, own: FloatArray, junctions: Junctions, tubes: list[Fitted]) -> list[LinePlace]:
     """Abscissae between which a path is not the program itself, and the tolerance in force there."""
     s, reach = edges[1:-1], junctions.reach
     corners = np.flatnonzero(junctions.kind == Junction.CORNER)

@@ -113,7 +113,7 @@ class Fitted:
 
 
 @dataclass
-class _Progress:
+class _TubeProgress:
     """What changes from pass to pass."""
 
     narrowing_at: FloatArray = field(default_factory=lambda: np.empty(0))
@@ -183,7 +183,7 @@ def _fit_window(
     stretch: Stretch, knots: FloatArray, programmed: Programmed, limits: Limits, feed: FloatArray
 ) -> Fitted:
     """Fit one tube, from the knots given."""
-    progress = _Progress()
+    progress = _TubeProgress()
     best: Fitted | None = None
     iterations = 0
     for count in range(1, _MAX_PASSES + 1):
@@ -211,7 +211,7 @@ def _fit_window(
 
 
 def _tube(
-    stretch: Stretch, programmed: Programmed, knots: FloatArray, progress: _Progress
+    stretch: Stretch, programmed: Programmed, knots: FloatArray, progress: _TubeProgress
 ) -> tuple[Tube, NDArray[np.bool_], FloatArray]:
     """The tube on the knots in the axes that move, which axes these are, and the coordinates of the others."""
     s = np.union1d(samples_of(knots, stretch.vertices), progress.extra)
@@ -258,7 +258,7 @@ def _spline_of(tube: Tube) -> Spline:
     return Spline(tube.knots, np.einsum("nip,nid->ndp", basis, tube.initial[index]), tube.initial, 0)
 
 
-def _weighted(tube: Tube, progress: _Progress) -> Tube:
+def _weighted(tube: Tube, progress: _TubeProgress) -> Tube:
     middle = 0.5 * (tube.knots[1:] + tube.knots[:-1])
     speed = np.interp(middle, progress.speed_at, progress.speed)
     weight = (np.maximum(speed, _MIN_SPEED * speed.max()) / speed.max()) ** 5
@@ -266,7 +266,7 @@ def _weighted(tube: Tube, progress: _Progress) -> Tube:
 
 
 def _take_speed(
-    progress: _Progress,
+    progress: _TubeProgress,
     spline: Spline,
     moving: NDArray[np.bool_],
     stretch: Stretch,
@@ -356,7 +356,7 @@ def _all_axes(spline: Spline, moving: NDArray[np.bool_], rest: FloatArray) -> Fl
 
 
 def _refine(
-    progress: _Progress,
+    progress: _TubeProgress,
     knots: FloatArray,
     rows: FloatArray,
     s: FloatArray,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.geometry.curve import MAX_COORDINATE
-from planner.programs.reading.words import O_WORDS, Faults, IntArray, Mask, Words
+from planner.programs.reading.words import O_WORDS, Faults, LineArray, Mask, Words
 from planner.types import FloatArray
 
 # The modal groups; of each one word may stand in a block.  G40, G49 and G54 are read, and change nothing.
@@ -60,9 +60,9 @@ class WordColumn:
 
     given: Mask
     value: FloatArray
-    word: IntArray
+    word: LineArray
 
-    def at(self, where: Mask) -> IntArray:
+    def at(self, where: Mask) -> LineArray:
         """Indices of the words at the blocks where the mask and a word are."""
         return self.word[where & self.given]
 
@@ -73,9 +73,9 @@ class Blocks:
 
     words: Words
     faults: Faults
-    line: IntArray
-    first: IntArray
-    of_word: IntArray
+    line: LineArray
+    first: LineArray
+    of_word: LineArray
     letters: dict[str, WordColumn]
     g: list[WordColumn]
     m: list[WordColumn]
@@ -84,7 +84,7 @@ class Blocks:
         """Blocks with a word of one of these letters."""
         return np.logical_or.reduce([self.letters[name].given for name in names])
 
-    def first_of(self, names: str, where: Mask) -> IntArray:
+    def first_of(self, names: str, where: Mask) -> LineArray:
         """Index of the first word with one of these letters, at the blocks of the mask, which have one."""
         places = [np.where(c.given, c.word, np.iinfo(np.int64).max) for c in map(self.letters.__getitem__, names)]
         return np.minimum.reduce(places)[where]
@@ -99,7 +99,7 @@ def sort_words(words: Words, faults: Faults) -> Blocks:
     value = words.value.copy()
     value[wide] = 0.0
 
-    def column(index: IntArray, numbers: FloatArray, twice: str) -> WordColumn:
+    def column(index: LineArray, numbers: FloatArray, twice: str) -> WordColumn:
         block = of_word[index]
         again = index[1:][block[1:] == block[:-1]]
         faults.add(again, lambda place: twice.format(words.word(int(index[np.searchsorted(index, again[place]) - 1]))))
@@ -122,7 +122,7 @@ def sort_words(words: Words, faults: Faults) -> Blocks:
     return Blocks(words, faults, words.line[first], first, of_word, letters, by_group[:G_GROUPS], by_group[G_GROUPS:])
 
 
-def _groups(words: Words, faults: Faults, value: FloatArray) -> tuple[IntArray, FloatArray]:
+def _groups(words: Words, faults: Faults, value: FloatArray) -> tuple[LineArray, FloatArray]:
     """Modal group of every G and M word (M after G; -1 for other words) and ten times its number."""
     group = np.full(value.size, -1)
     code = np.rint(10.0 * value)
@@ -135,7 +135,7 @@ def _groups(words: Words, faults: Faults, value: FloatArray) -> tuple[IntArray, 
         group[index] = np.where(inside, lookup[np.where(inside, code[index], 0).astype(np.int64)], -1)
         refused = index[group[index] < 0]
 
-        def reason(place: int, refused: IntArray = refused, letter: str = letter) -> str:
+        def reason(place: int, refused: LineArray = refused, letter: str = letter) -> str:
             known = _REFUSED_G if letter == "G" else {}
             return known.get(int(code[refused[place]]), f"no {letter} word of the subset")
 

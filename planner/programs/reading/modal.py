@@ -26,7 +26,7 @@ from planner.programs.reading.blocks import (
     Blocks,
 )  # fmt: skip
 from planner.programs.reading.program import AXES, LINE, RAPID, Event, Program
-from planner.programs.reading.words import IntArray, Mask
+from planner.programs.reading.words import LineArray, Mask
 from planner.types import FloatArray
 
 _INCH = 25.4
@@ -53,7 +53,7 @@ class ReadingState:
     position: FloatArray = field(default_factory=lambda: np.zeros(3))  # where the last kept move ends
     first: FloatArray = field(default_factory=lambda: np.zeros(3))
     known: list[bool] = field(default_factory=lambda: [False] * 3)
-    axis_lines: IntArray = field(default_factory=lambda: np.zeros(3, dtype=np.int64))
+    axis_lines: LineArray = field(default_factory=lambda: np.zeros(3, dtype=np.int64))
     shifts: list[tuple[int, int, float]] = field(default_factory=list)
     percents: int = 0
     blocks: int = 0
@@ -62,7 +62,7 @@ class ReadingState:
     moves: int = 0
     parts: list[MoveColumns] = field(default_factory=list)
     events: list[Event] = field(default_factory=list)
-    zero_lines: list[IntArray] = field(default_factory=list)
+    zero_lines: list[LineArray] = field(default_factory=list)
 
     def place(self, start: Sequence[float]) -> None:
         """Set the first position."""
@@ -120,7 +120,7 @@ class ReadingState:
 class MoveColumns:
     """The kept moves of a part; columns as in Program, and whether G61 or G61.1 was active."""
 
-    line: IntArray
+    line: LineArray
     kind: NDArray[np.uint8]
     end: FloatArray
     centre: FloatArray
@@ -145,7 +145,7 @@ def _carried(given: Mask, value: NDArray[np.generic], before: float) -> NDArray[
     return np.where(last >= 0, value[last], before)
 
 
-def carry_modal(blocks: Blocks, before: dict[int, int]) -> tuple[dict[int, int], dict[int, IntArray]]:
+def carry_modal(blocks: Blocks, before: dict[int, int]) -> tuple[dict[int, int], dict[int, LineArray]]:
     """The word of each modal group that is active at every block, and after the last."""
     modal = {
         group: np.asarray(_carried(blocks.g[group].given, blocks.g[group].value, code), dtype=np.int64)
@@ -154,13 +154,13 @@ def carry_modal(blocks: Blocks, before: dict[int, int]) -> tuple[dict[int, int],
     return {group: int(column[-1]) for group, column in modal.items()}, modal
 
 
-def units(modal: dict[int, IntArray]) -> FloatArray:
+def units(modal: dict[int, LineArray]) -> FloatArray:
     """Length unit of every block, mm."""
     return np.where(modal[UNITS] == 200, _INCH, 1.0)
 
 
 def carry_feeds(
-    blocks: Blocks, modal: dict[int, IntArray], unit: FloatArray, kind: IntArray, state: ReadingState
+    blocks: Blocks, modal: dict[int, LineArray], unit: FloatArray, kind: LineArray, state: ReadingState
 ) -> tuple[FloatArray, FloatArray]:
     """Feed at every block in mm/s (G94), and moves a second (G93; nan elsewhere)."""
     faults, f, mode = blocks.faults, blocks.letters["F"], modal[FEED_MODE]
@@ -192,7 +192,7 @@ def carry_tolerances(blocks: Blocks, unit: FloatArray, state: ReadingState) -> t
 
 
 def carry_positions(
-    blocks: Blocks, modal: dict[int, IntArray], unit: FloatArray, kind: IntArray, state: ReadingState
+    blocks: Blocks, modal: dict[int, LineArray], unit: FloatArray, kind: LineArray, state: ReadingState
 ) -> FloatArray:
     """Programmed point before the first and after every block, (n + 1, 3), mm."""
     absolute = modal[DISTANCE] == 900

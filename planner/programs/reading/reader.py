@@ -54,7 +54,7 @@ from planner.programs.reading.modal import (
     units,
 )
 from planner.programs.reading.program import ARC, LINE, RAPID, ZERO_LENGTH_MM, Event, Program, arc_lengths
-from planner.programs.reading.words import Faults, IntArray, Mask, Words, read_words
+from planner.programs.reading.words import Faults, LineArray, Mask, Words, read_words
 from planner.types import FloatArray
 
 _MAX_MOVES = 5_000_000  # some 120 bytes each
@@ -166,7 +166,7 @@ def _check_end(blocks: Blocks, state: ReadingState) -> None:
     state.percents, state.ended = int(count[-1]), bool(after[-1] | ends[-1])
 
 
-def _check_motion(blocks: Blocks, modal: dict[int, IntArray]) -> IntArray:
+def _check_motion(blocks: Blocks, modal: dict[int, LineArray]) -> LineArray:
     """What every block moves: RAPID, LINE, ARC, or -1 for nothing."""
     faults, active, word = blocks.faults, modal[MOTION], blocks.g[MOTION]
     ends, centres = blocks.any_of("XYZ"), blocks.any_of("IJKR")
@@ -191,9 +191,9 @@ def _check_motion(blocks: Blocks, modal: dict[int, IntArray]) -> IntArray:
 
 def _moves(
     blocks: Blocks,
-    modal: dict[int, IntArray],
+    modal: dict[int, LineArray],
     unit: FloatArray,
-    kind: IntArray,
+    kind: LineArray,
     programmed: FloatArray,
     columns: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
     state: ReadingState,
@@ -232,9 +232,9 @@ def _moves(
 
 def _arcs(
     blocks: Blocks,
-    modal: dict[int, IntArray],
+    modal: dict[int, LineArray],
     unit: FloatArray,
-    rows: IntArray,
+    rows: LineArray,
     programmed: FloatArray,
     move: tuple[FloatArray, FloatArray, NDArray[np.uint8]],
 ) -> tuple[FloatArray, FloatArray]:

@@ -15,7 +15,7 @@ from planner.errors import InputError
 from planner.inputs import shorten
 from planner.types import FloatArray
 
-IntArray = NDArray[np.int64]
+LineArray = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 _CHUNK_BYTES = 4 * 1024**2  # bounds the memory of the tables made of it, about 30 bytes for each of these
@@ -46,7 +46,7 @@ class Words:
     text: bytes
     letter: NDArray[np.uint8]
     value: FloatArray
-    line: IntArray
+    line: LineArray
     first: NDArray[np.int32]
     stop: NDArray[np.int32]
     lines: int
@@ -68,7 +68,7 @@ class Faults:
     def __post_init__(self) -> None:
         self.index = self.words.line.size
 
-    def add(self, indices: IntArray, reason: str | Callable[[int], str]) -> None:
+    def add(self, indices: LineArray, reason: str | Callable[[int], str]) -> None:
         """Note faults of the words at these indices; the reason may depend on the place in ``indices``."""
         if indices.size:
             place = int(np.argmin(indices))

@@ -39,12 +39,12 @@ from planner.inputs import require_instance
 from planner.machine.limits import Limits, require_limits
 from planner.profile import FeedrateProfile
 from planner.quantity import ACCELERATION, JERK, Quantity, motion_names
-from planner.types import FloatArray
-from planner.verify.certificate.atoms import Side, end_term, passed, seam, sides, spared_around, stepped
-from planner.verify.certificate.multipliers import IntArray, Multipliers, require_increasing
+from planner.types import FloatArray, IntArray
+from planner.verify.certificate.atoms import SideTerms, end_term, passed, seam, sides, spared_around, stepped
+from planner.verify.certificate.multipliers import Multipliers, require_increasing
 from planner.verify.certificate.pathspeeds import Flags, path_points
 from planner.verify.certificate.places import Places
-from planner.verify.certificate.quadrature import SectionPath, Stretches, lay_out
+from planner.verify.certificate.quadrature import SectionPath, Stretches, stretches_of
 from planner.verify.certificate.shapes import require_valid
 from planner.verify.sizes import EPS, ON_KNOT
 
@@ -213,7 +213,7 @@ class _SectionOnCurve:
         double = np.flatnonzero(np.diff(parts.knot) > 1)
         u = parts.u[1, :-1]
         at = np.union1d(double, np.flatnonzero(places.on(breaks, u)))
-        return cls(data, path, lay_out(path, rests, breaks, jumps), at, places.on(jumps, u[at]))
+        return cls(data, path, stretches_of(path, rests, breaks, jumps), at, places.on(jumps, u[at]))
 
     def scale(self) -> float:
         """Factor by which the multipliers have to shrink until sum |l| <= 1."""
@@ -231,7 +231,7 @@ class _SectionOnCurve:
         integral, allowance = self.path.integral(self.stretches)
         return integral - self.path.parts.acceleration_price() + self._between() + self._ends(), allowance
 
-    def side(self, end: int) -> Side:
+    def side(self, end: int) -> SideTerms:
         """The section's start (0) or end (1), from inside."""
         at = 0 if end == 0 else self.path.parts.h.size - 1
         return sides(self.path, self.stretches, np.array([at]), end)[0]

@@ -22,8 +22,7 @@ from itertools import combinations
 import numpy as np
 
 from planner.geometry.differential import dot
-from planner.types import FloatArray
-from planner.verify.certificate.multipliers import IntArray
+from planner.types import FloatArray, IntArray
 from planner.verify.certificate.pathspeeds import Bounds, Flags, PathPoints, path_points, stop_caps
 from planner.verify.certificate.quadrature import SectionPath, Stretches
 from planner.verify.sizes import STEP_PEAK, STEP_REACH
@@ -33,7 +32,7 @@ _CORNER_SLACK = 1e-9  # by which a vertex may lie outside the others' limits and
 
 
 @dataclass(frozen=True, eq=False)
-class Side:
+class SideTerms:
     """One side of a place: what the brackets need, per motion (K,).
 
     ``turn`` and ``bend`` are the first and second derivative over the arc length of the axes, ``force`` f, ``load``
@@ -52,7 +51,7 @@ class Side:
         return 0.5 * float(np.sum(self.force * self.turn))
 
 
-def sides(path: SectionPath, stretches: Stretches, i: IntArray, end: int) -> list[Side]:
+def sides(path: SectionPath, stretches: Stretches, i: IntArray, end: int) -> list[SideTerms]:
     """Evaluate the starts (end = 0) or ends (1) of the intervals i, from inside."""
     r = np.full(i.size, float(end))
     points = path_points(path.curve, path.limits, path.parts, i, r, np.full(i.size, end == 1))
@@ -65,7 +64,8 @@ def sides(path: SectionPath, stretches: Stretches, i: IntArray, end: int) -> lis
     bend = (points.second - turn * dot(axes / v[:, None], bends)) / v**2
     # f q' x = f q' v^2 / |q'|^2
     return [
-        Side(turn[:, k], bend[:, k], force[:, k] / v[k], load[:, k], float(cap[k] * v[k] ** 2)) for k in range(i.size)
+        SideTerms(turn[:, k], bend[:, k], force[:, k] / v[k], load[:, k], float(cap[k] * v[k] ** 2))
+        for k in range(i.size)
     ]
 
 
@@ -90,13 +90,13 @@ def _caps(path: SectionPath, stretches: Stretches, points: PathPoints, i: IntArr
     return cap
 
 
-def passed(before: Side, after: Side) -> float:
+def passed(before: SideTerms, after: SideTerms) -> float:
     """Price of a place without a step of the acceleration: the least of G v^2."""
     pull, cap = before.pull - after.pull, min(before.cap, after.cap)
     return 0.0 if pull >= 0.0 else pull * cap
 
 
-def stepped(before: Side, after: Side, path: SectionPath, spared: FloatArray) -> float:
+def stepped(before: SideTerms, after: SideTerms, path: SectionPath, spared: FloatArray) -> float:
     """Price of a curvature jump: the least of G v^2 - sum c D + sum b |D| over v^2 and the step along the path.
 
     It is piecewise linear and convex in the two, so its least value lies where two of the lines D_j = 0, |D_j| at its
@@ -174,7 +174,7 @@ def spared_around(path: SectionPath, stretches: Stretches, times: FloatArray, at
     return out
 
 
-def end_term(side: Side, path: SectionPath, feed: float, acceleration: float, sign: float) -> float:
+def end_term(side: SideTerms, path: SectionPath, feed: float, acceleration: float, sign: float) -> float:
     """Least bracket l q_dd / J + f q' x / 2 at an end with a feed, times ``sign`` (-1 at the start, +1 at the end).
 
     Where the tangential acceleration is not prescribed, it is whatever the limits allow.
@@ -197,7 +197,7 @@ def end_term(side: Side, path: SectionPath, feed: float, acceleration: float, si
     return known + min(slope * lowest, slope * highest)
 
 
-def seam(last: Side, first: Side, path: SectionPath, smooth: bool) -> float:
+def seam(last: SideTerms, first: SideTerms, path: SectionPath, smooth: bool) -> float:
     """Price of the place where a periodic path closes: feed and acceleration are the same on both sides.
 
     A difference of the l, and where the curvature jumps the l themselves, are paid with the largest acceleration.

@@ -10,14 +10,11 @@ from dataclasses import dataclass, replace
 from math import comb
 
 import numpy as np
-from numpy.typing import NDArray
 
 from planner.certificate import CertificateSection
 from planner.errors import InputError
-from planner.types import FloatArray
+from planner.types import FloatArray, IntArray
 from planner.verify.sizes import EPS
-
-IntArray = NDArray[np.intp]
 
 # The way between two knots next to a stop may be less than the last digits of u: so many of them say nothing about it.
 _DIGITS = 32.0

@@ -11,8 +11,8 @@ from planner.geometry.curve import Curve
 from planner.geometry.differential import curvature, dot
 from planner.machine.limits import Limits
 from planner.quantity import ACCELERATION, JERK
-from planner.types import FloatArray
-from planner.verify.certificate.multipliers import IntArray, Multipliers
+from planner.types import FloatArray, IntArray
+from planner.verify.certificate.multipliers import Multipliers
 
 Flags = NDArray[np.bool_]
 

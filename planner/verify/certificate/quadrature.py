@@ -17,8 +17,8 @@ import numpy as np
 
 from planner.geometry.curve import Curve
 from planner.machine.limits import Limits
-from planner.types import FloatArray
-from planner.verify.certificate.multipliers import IntArray, Multipliers
+from planner.types import FloatArray, IntArray
+from planner.verify.certificate.multipliers import Multipliers
 from planner.verify.certificate.pathspeeds import Bounds, Flags, PathPoints, path_points, stop_caps
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
@@ -38,7 +38,7 @@ _ROUNDS = 24
 _AT_ONCE = 4000  # parts; bounds the memory
 _MAX_OPEN = 8000  # parts; a certificate whose integrand is rough everywhere is paid with a large allowance
 
-Nodes = tuple[PathPoints, IntArray, FloatArray]  # of parts: the path there, and the interval and r of each, flat
+PartPoints = tuple[PathPoints, IntArray, FloatArray]  # of parts: the path there, and the interval and r of each, flat
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +77,7 @@ class SectionPath:
     parts: Multipliers
     speeds: FloatArray  # (2, K): of the motions at both ends; inf where it is not known
 
-    def points(self, stretches: Stretches) -> Nodes:
+    def points(self, stretches: Stretches) -> PartPoints:
         """The path at the nodes of the parts, with the interval and r of each (flat)."""
         lower, upper = stretches.lower[:, None], stretches.upper[:, None]
         r = (lower + (upper - lower) * _NODES).reshape(-1)
@@ -107,7 +107,7 @@ class SectionPath:
             cap = np.minimum(cap, stop_caps(bounds, points.first, total, self.speeds[end], ramps))
         return cap
 
-    def sums(self, stretches: Stretches, at: Nodes | None = None) -> tuple[FloatArray, FloatArray]:
+    def sums(self, stretches: Stretches, at: PartPoints | None = None) -> tuple[FloatArray, FloatArray]:
         """Gauss sum of the integrand over each part, and the shortest time it takes."""
         points, i, r = self.points(stretches) if at is None else at
         cap = self.caps(stretches, points)
@@ -160,7 +160,7 @@ class SectionPath:
             stretches, whole = halves.some(np.flatnonzero(np.repeat(open_, 2))), pairs[open_].reshape(-1)
         return (found, doubt) if np.isfinite(doubt) else (-np.inf, 0.0)
 
-    def _halved(self, stretches: Stretches) -> tuple[Stretches, Nodes]:
+    def _halved(self, stretches: Stretches) -> tuple[Stretches, PartPoints]:
         """Cut every part in its middle, and evaluate the path at the nodes of the halves."""
         middle = 0.5 * (stretches.lower + stretches.upper)
         lower = np.stack([stretches.lower, middle], axis=1).reshape(-1)
@@ -193,7 +193,7 @@ def min_integrand(w: FloatArray, g: FloatArray, cap: FloatArray) -> FloatArray:
         return np.where(inside, 3.0 * np.cbrt((0.5 * w) ** 2 * np.maximum(g, 0.0)), at_cap)
 
 
-def lay_out(path: SectionPath, rests: tuple[bool, bool], breaks: FloatArray, jumps: FloatArray) -> Stretches:
+def stretches_of(path: SectionPath, rests: tuple[bool, bool], breaks: FloatArray, jumps: FloatArray) -> Stretches:
     """Parts of a section: cut where multipliers change their sign, ever shorter at stops, no fewer than 16 a stretch.
 
     More where the motions' |dq/du| changes by orders of magnitude, as at a near-cusp: no sum over few points sees that.
