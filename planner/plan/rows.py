@@ -166,6 +166,8 @@ def path_at(section: Section, limits: Limits, sigma: FloatArray, u: FloatArray, 
     tip = q if curve.tip is curve else evaluate(curve.tip, u, left)
     speeds = speed_derivatives(tip)
     speed = speeds[0]
+    # As ``curvature`` says, but with the slope that is at hand: its own quotient rounds otherwise, and plans of it differ in
+    # their last digits.
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         bend = np.sqrt(np.sum((tip[2] - (speeds[1] / speed)[:, None] * tip[1]) ** 2, axis=-1)) / speed**2
     curvature = np.where(speed > 0.0, np.nan_to_num(bend), 0.0)

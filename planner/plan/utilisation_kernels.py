@@ -1,4 +1,4 @@
-"""Compiled measurement of a time law, see ``utilisation.py``; and what grows by steps at most, see ``knots.py``."""
+"""Compiled measurement of a time law, see ``utilisation.py``; and what grows by steps at most, see ``guess.py``."""
 
 from __future__ import annotations
 
@@ -53,6 +53,7 @@ def _shares_at(q, tip, u1, u2, u3, feed, rows, kinds, chords, rates, out):
                 value += rows[r, k] * rates[j, k]
         out[2 + r] = value / (rows[r, 4] if value > 0.0 else rows[r, 3])
     if s1 > 0.0 and np.isfinite(chord):
+        # The radius as ``curvature`` in ``differential`` has its inverse, at one point, with the slope that is at hand.
         normal = 0.0
         for j in range(tip.shape[1]):
             normal += (tip[2, j] - s2 / s1 * tip[1, j]) ** 2
