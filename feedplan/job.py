@@ -42,7 +42,7 @@ def _silent(message: str, fraction: float | None = None) -> None:
     """Show no progress."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Job:
     """A curve and the limits on it.
 
@@ -70,6 +70,9 @@ class Job:
     path: ProgramPath | None = None
     room: float = 0.0
     facts: tuple[tuple[str, str], ...] = ()
+
+    def __repr__(self) -> str:
+        return f"Job({self.curve.name} on {self.machine})"
 
     @classmethod
     def of(cls, found: SourceCurve, limits: Limits, machine: str) -> Job:

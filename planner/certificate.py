@@ -44,7 +44,7 @@ class CertificateSection:
     start_acceleration: float
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Certificate:
     """A claimed lower bound on the time of every plan, and the multipliers that prove it.
 
@@ -69,3 +69,7 @@ class Certificate:
     bound: float
     fingerprint: str
     periodic: bool
+
+    def __repr__(self) -> str:
+        count = len(self.sections)
+        return f"Certificate({self.bound!r} s claimed, multipliers of {count} section{'s' * (count != 1)})"

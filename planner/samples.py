@@ -60,9 +60,10 @@ class Samples(Tabular):
         return self.t.size
 
     def __repr__(self) -> str:
+        first, last = (round(feed, 9) + 0.0 for feed in (self.start_feed, self.end_feed))  # no -7e-18
         return (
             f"Samples: {self.t.size}, one every {1e3 * self.period:g} ms until {float(self.t[-1]):.6g} s, of "
-            f"{' '.join(self.axes)}\n    feed {self.start_feed:g} mm/s at the first, {self.end_feed:g} mm/s at the last"
+            f"{' '.join(self.axes)}\n    feed {first:g} mm/s at the first, {last:g} mm/s at the last"
         )
 
 

@@ -37,7 +37,7 @@ class Kind(IntEnum):
     SPAN = 2
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ChainCurve(Curve):
     """Pieces of three kinds, joined.
 

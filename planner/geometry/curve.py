@@ -212,6 +212,12 @@ class Curve(ABC):
 
         return ArcLength.of_speed(speed, self.pieces.breaks, self.name)
 
+    def __repr__(self) -> str:
+        """Name, length, axes and domain; what a curve is defined by may be megabytes."""
+        first, last = self.domain
+        head = f"{type(self).__name__}({self.name}: {self.length:.6g} mm, axes {' '.join(self.axes)},"
+        return f"{head}\n    u from {first:.6g} to {last:.6g})"
+
     @property
     def length(self) -> float:
         """Length of the tool-tip path, mm."""

@@ -30,7 +30,7 @@ _POLE_TOLERANCE = 1e-9  # sin A below this: C has no direction
 _UNWRAP_POINTS_PER_SPAN = 64
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class DualSplineCurve(Curve):
     """Machine axes X, Y, Z, A, C of a flank-milling path; ``tip`` is the bottom spline in workpiece coordinates.
 

@@ -40,7 +40,7 @@ _OPERATORS: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
 _MAX_EXPRESSION = 10_000  # characters
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class FormulaCurve(Curve):
     """A curve given by one expression an axis.
 

@@ -25,7 +25,7 @@ _MAX_CANCELLATION = 8.0
 _DIGITS_OF_A_PART = 2.0**20
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class NurbsCurve(Curve):
     """A (rational) B-spline curve.
 

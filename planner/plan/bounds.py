@@ -57,7 +57,8 @@ class Bound(float):
         return bound
 
     def __repr__(self) -> str:
-        return f"Bound({float(self)!r} s, proved by {len(self.certificate.sections)} sections of multipliers)"
+        count = len(self.certificate.sections)
+        return f"Bound({float(self)!r} s, proved by the multipliers of {count} section{'s' * (count != 1)})"
 
     def __getnewargs__(self) -> tuple[Certificate, str]:  # type: ignore[override]
         return self.certificate, self.statement

@@ -73,6 +73,20 @@ def test_two_lines_each(verdict, lines, job):
         assert "<table>" in result._repr_html_()
 
 
+def test_what_is_no_table_is_short_too(job, verdict):
+    """Of a program with many arrays, and of what was made of it."""
+    bound = feedplan.certify(job.curve, job.limits, verdict.profile)
+    for name in (*feedplan.CATALOG, job.curve):
+        curve = feedplan.load_curve(name) if isinstance(name, str) else name
+        assert f"({curve.name}: {curve.length:.6g} mm, axes {' '.join(curve.axes)}," in repr(curve)
+    for result in (job, job.curve, job.program, job.path, bound.certificate, feedplan.load_curve("butterfly-nurbs")):
+        text = repr(result).splitlines()
+        assert len(text) <= 2
+        assert max(map(len, text)) <= 80
+        assert text[0].startswith(f"{type(result).__name__}(")
+    assert " -" not in repr(verdict.samples)
+
+
 def test_a_bound_is_still_a_number(job, verdict):
     bound = feedplan.certify(job.curve, job.limits, verdict.profile)
     assert json.loads(json.dumps({"s": bound}))["s"] == float(bound)

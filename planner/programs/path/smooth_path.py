@@ -55,7 +55,7 @@ class Stop:
     reason: str
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ProgramPath:
     """A part program as a curve.
 
@@ -100,6 +100,10 @@ class ProgramPath:
     intervals: int
     counts: dict[str, int]
     notes: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        far, stops = self.deviation.largest, len(self.stops)
+        return f"ProgramPath({self.curve.name}: within {1e3 * far:.4g} um of the program, {stops} exact stops)"
 
 
 def program_path(program: Program, tolerance: float | None, limits: Limits) -> ProgramPath:

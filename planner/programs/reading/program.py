@@ -47,7 +47,7 @@ class Event:
     text: str
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Program:
     """The moves of a part program in their order; all arrays are read-only, m is the number of moves.
 
@@ -109,6 +109,9 @@ class Program:
             value = getattr(self, item.name)
             if isinstance(value, np.ndarray):
                 value.setflags(write=False)
+
+    def __repr__(self) -> str:
+        return f"Program({self.source}: {self.line_count} lines, {len(self)} moves)"
 
     def __len__(self) -> int:
         """Number of moves."""
