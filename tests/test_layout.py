@@ -26,6 +26,7 @@ ELSEWHERE = {
     "geometry/test_nurbs.py": ("planner.geometry.tape",),
     "interp/literature/test_greedy.py": ("interp.literature.greedy_published", "interp.literature.greedy_setup"),
     "interp/literature/test_lookahead.py": ("interp.literature.classic_kernels",),
+    "output/test_certificate_file.py": ("planner.certificate",),
     "output/test_plots.py": ("planner.output.figures", "planner.output.panel_choice", "planner.output.plan_panels"),
     "output/test_roundtrip.py": ("planner.output.ngc_program",),
     "output/test_table.py": (
