@@ -75,7 +75,7 @@ def speed_derivatives(d: FloatArray) -> Triple:
 def rates_along(d: FloatArray, u1: FloatArray, u2: FloatArray, u3: FloatArray) -> Triple:
     """First three time derivatives of the arc length of a curve, (...,), from those of u."""
     s1, s2, s3 = speed_derivatives(d)
-    # The chain rule with its terms summed from the other end: by ``chain_rule`` the last digits of every plan's columns differ.
+    # The chain rule, its terms summed from the other end: by ``chain_rule`` the last digits of every plan would differ.
     return s1 * u1, s1 * u2 + s2 * u1**2, s1 * u3 + 3.0 * s2 * u1 * u2 + s3 * u1**3
 
 
