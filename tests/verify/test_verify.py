@@ -142,7 +142,7 @@ def test_a_plan_for_another_curve_is_refused(line, line_limits, line_plan, circl
 
 
 def test_arguments_are_validated(line, line_limits, line_plan):
-    three = Limits(1.0, [1.0] * 3, [1.0] * 3, [1.0] * 3)
+    three = Limits(1.0, [1.0] * 3, [1.0] * 3, [1.0] * 3, axes="XZA")
     with pytest.raises(InputError, match="3 axes"):
         check(line, three, line_plan)
     for density in (3, 2.5, True):
