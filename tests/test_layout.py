@@ -20,7 +20,6 @@ ELSEWHERE = {
     ),
     "feedplan/test_job.py": ("feedplan.sources",),
     "feedplan/test_page.py": ("feedplan.cli.report",),
-    "feedplan/test_tables.py": ("planner.certificate",),
     "feedplan/test_verdict.py": ("feedplan.verdict_text",),
     "geometry/test_curve.py": ("planner.geometry.continuity", "planner.geometry.fit"),
     "geometry/test_drawing.py": ("planner.geometry.chain", "planner.geometry.points"),
