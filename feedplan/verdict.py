@@ -164,7 +164,7 @@ def to_json(verdict: Verdict) -> str:
         "lower_bound_s": verdict.lower_bound,
         "lower_bound_is": verdict.claim.value,
         "gap": verdict.gap,
-        "nodes": profile.t.size,
+        "nodes": profile.nodes,
         "samples": verdict.samples.t.size,
         "planning_time_s": verdict.planning_time,
         "checks": {

@@ -96,7 +96,7 @@ def _facts(verdict: Verdict) -> RenderableType:
         *(named(name, text) for name, text in verdict.facts),
         *([] if verdict.program is None else program_lines(verdict.program)),
         machine_line(verdict.machine, limits, curve),
-        named("plan", f"{profile.method}, {profile.t.size} nodes" + _planned_in(verdict.planning_time)),
+        named("plan", f"{profile.method}, {profile.nodes} nodes" + _planned_in(verdict.planning_time)),
     ]
     if math.isfinite(verdict.gap):
         gap = percent(max(verdict.gap, 0.0) if verdict.holds else verdict.gap, 2)

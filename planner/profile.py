@@ -148,6 +148,11 @@ class FeedrateProfile(Tabular):
         return self.law.u_acceleration
 
     @property
+    def nodes(self) -> int:
+        """Number of nodes, rows of its table."""
+        return int(self.law.t.size)
+
+    @property
     def duration(self) -> float:
         """Time from start to end, s."""
         return self.law.duration

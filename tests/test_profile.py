@@ -199,6 +199,7 @@ def test_a_plan_and_samples_are_tables_with_the_columns_of_their_files(tmp_path:
             pd.testing.assert_frame_equal(frame, file, check_dtype=False, rtol=1e-12, atol=0.0)
             assert len(frame) == len(table)
     assert [row.binding for row in profile] == [profile.limit_names[k] for k in profile.binding]
+    assert profile.nodes == len(profile) == len(list(profile))
 
 
 def test_columns_are_made_a_frame_where_pandas_is_and_a_dict_where_it_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
