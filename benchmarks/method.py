@@ -298,7 +298,7 @@ def staged_traces(of: Case, intervals: int = INTERVALS) -> tuple[Trace, Trace]:
     """Iterates on the coarse grid, and those on the fine one that begins with what the coarse one gave."""
     with patch.object(optimal, "GAP_TOLERANCE", _COARSE_GAP):
         first = trace(constraints(of, intervals // COARSER))
-    law = coarse_attempt(of, intervals).law
+    law = coarse_attempt(of, intervals).speed_law
     grid = place_knots(of.section, of.task.guess, intervals)
     problem = constraints(of, intervals)
     guess = np.maximum(law.at(grid.sigma), 1e-6 * law.x.min()) / (problem.length_unit / problem.time_unit) ** 2
