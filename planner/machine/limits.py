@@ -129,7 +129,8 @@ class Limits:
             return self.for_curve(curve)
         if self.dim != curve.dim:
             raise InputError(
-                f"the limits have {self.dim} axes ({', '.join(self.axes)}), but {curve.name} has {curve.dim} "
+                f"the limits have {'1 axis' if self.dim == 1 else f'{self.dim} axes'} ({', '.join(self.axes)}), "
+                f"but {curve.name} has {curve.dim} "
                 f"({', '.join(curve.axes)}); give one limit for each axis of the curve"
             )
         return self if self.axes == tuple(curve.axes) else self._replace(axes=curve.axes)
