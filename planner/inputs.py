@@ -1,17 +1,21 @@
-"""Values and files that come from outside: checked once, with errors that name quantity, place and what is allowed."""
+"""Values and files that come from outside: checked once, with errors that name quantity, place and what is allowed.
+
+The command line checks names of files before anything else: numpy loads only where numbers are checked.
+"""
 
 from __future__ import annotations
 
 import os
 import re
 from pathlib import Path
-from typing import Any
-
-import numpy as np
-from numpy.typing import ArrayLike
+from typing import TYPE_CHECKING, Any
 
 from planner.errors import InputError
-from planner.types import FloatArray, Side
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from planner.types import FloatArray, Side
 
 _MAX_BYTES = 256 * 1024**2
 _MAX_QUOTATION = 60
@@ -40,6 +44,8 @@ def require_path(value: Any, error: type[InputError] = InputError, name: str = "
 
 def require_flag(value: Any, name: str) -> bool:
     """Refuse what is neither true nor false, but would pass for true: a place, a list of them, a text."""
+    import numpy as np
+
     if isinstance(value, bool | np.bool_):
         return bool(value)
     raise InputError(f"{name} = {shorten(repr(value))} must be True or False")
@@ -79,6 +85,8 @@ def numbers(values: ArrayLike, what: str, error: type[InputError]) -> FloatArray
     InputError, of the type ``error``
         Naming ``what`` and the offending entry.
     """
+    import numpy as np
+
     try:
         # As objects first: numpy would turn "1", true and null into numbers without a word.
         raw = values if isinstance(values, np.ndarray) else np.array(values, dtype=object)
@@ -96,6 +104,8 @@ def numbers(values: ArrayLike, what: str, error: type[InputError]) -> FloatArray
 
 def coordinates(values: ArrayLike, what: str) -> FloatArray:
     """Take an array of parameters, lengths or times as it is, or convert a sequence; any shape, text is refused."""
+    import numpy as np
+
     try:
         array = np.asarray(values)
     except ValueError:
@@ -129,6 +139,8 @@ def _a(value: Any) -> str:
 
 def positive_number(value: Any, what: str, hint: str = "") -> float:
     """Check one number > 0; inf passes.  The hint ends the message."""
+    import numpy as np
+
     try:
         number = float(value) if isinstance(value, int | float | np.number) and not isinstance(value, bool) else np.nan
     except (TypeError, OverflowError):
