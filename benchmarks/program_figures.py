@@ -192,7 +192,7 @@ def tube_figure(tolerance: float = 0.01) -> Figure:
                 "off the program, left is inside", "path, mm", "µm", away, bounds=(-1e3 * tolerance, 1e3 * tolerance)
             ),
             Panel("curvature", "path, mm", "1/mm", bends),
-            Panel("feed", "path, mm", "feed, mm/s", feeds),
+            Panel("feed", "path, mm", "feed, mm/s", feeds, legend="above"),
             Panel(
                 "time of the slots",
                 "tolerance, µm",
