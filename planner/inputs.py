@@ -134,7 +134,10 @@ def require_instance(value: Any, wanted: type | tuple[type, ...], name: str) -> 
 
 
 def _a(value: Any) -> str:
-    return f"the class {value.__name__}" if isinstance(value, type) else f"a {type(value).__name__}"
+    if isinstance(value, type):
+        return f"the class {value.__name__}"
+    name = type(value).__name__
+    return f"{'an' if name[0] in 'aeiouAEIOU' else 'a'} {name}"
 
 
 def positive_number(value: Any, what: str, hint: str = "") -> float:

@@ -163,11 +163,11 @@ def test_a_switch_is_true_or_false(wrong):
         (lambda: made("profile")(None), "t = None must be a number"),
         (lambda: fp.plan_feedrate(CURVE, LIMITS, budget="10"), "budget = '10' s must be > 0"),
         (lambda: fp.load_curve(PROGRAM, tolerance="x"), "tolerance = 'x' must be a number > 0"),
-        (lambda: fp.write_table("never.csv", made("profile"), LIMITS, report=3), "report is a int"),
+        (lambda: fp.write_table("never.csv", made("profile"), LIMITS, report=3), "report is an int"),
         (lambda: fp.write_report(verdict(), "never.html"), "verdict is a str; it must be a Verdict"),
         (lambda: fp.plot_plan(CURVE, LIMITS, made("profile"), LIMITS), "samples is a Limits"),
-        (lambda: fp.plot_plan(CURVE, LIMITS, made("profile"), None, 3), "report is a int"),
-        (lambda: fp.save_plot("never.png", 3), "figure is a int; it must be a Figure, as plot_plan returns"),
+        (lambda: fp.plot_plan(CURVE, LIMITS, made("profile"), None, 3), "report is an int"),
+        (lambda: fp.save_plot("never.png", 3), "figure is an int; it must be a Figure, as plot_plan returns"),
     ],
 )
 def test_what_is_wrong_is_named(call, message):

@@ -86,7 +86,7 @@ def test_points_within_a_tolerance(tmp_path):
         (SLOTS, {"tolerance": -1.0}, "tolerance = -1.0 must be a number > 0"),
         ("nope.ngc", {}, "nope.ngc: cannot be read"),
         ("nope.txt", {}, "neither a .json, .toml, .dxf, .csv or .ngc file nor a name"),
-        (7, {}, "is neither"),
+        (7, {}, "source is an int; it must be the path of a file"),
     ],
 )
 def test_refuses(source, options, said):

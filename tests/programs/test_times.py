@@ -256,8 +256,8 @@ class TestWithoutJerk:
 
     def test_axes_must_match(self):
         path = of_file("slots")[1]
-        with pytest.raises(InputError, match="axes"):
-            plan_feedrate(path.curve, LIMITS.without_jerk())
+        with pytest.raises(InputError, match=r"the limits have 1 axis \(X\), but .* has 2 \(X, Y\)"):
+            plan_feedrate(path.curve, Limits(100.0, [250.0], [1000.0], [20000.0], axes="X").without_jerk())
 
 
 def test_moves_in_space():
