@@ -127,7 +127,7 @@ def verdict():
 @pytest.mark.parametrize("name", NO_PATHS)
 def test_what_is_no_path_is_named(name, wrong):
     """A number would be an open file of the process: 0 is standard input, and would be waited for."""
-    with pytest.raises(fp.InputError, match=r"^(path|source|output) is a \w+; it must be the path of a file$"):
+    with pytest.raises(fp.InputError, match=r"^(path|source|output) is an? \w+; it must be the path of a file$"):
         NO_PATHS[name](wrong)
 
 
