@@ -123,7 +123,7 @@ class TestNamedCurves:
 
     @pytest.mark.parametrize("name", [None, 5, b"circle", ["circle"]])
     def test_what_is_no_name_is_said_by_its_type(self, name):
-        with pytest.raises(CurveError, match=rf"^source is a {type(name).__name__}; it must be the path of a file$"):
+        with pytest.raises(CurveError, match=rf"^source is an? {type(name).__name__}; it must be the path of a file$"):
             load_curve(name)
 
 
