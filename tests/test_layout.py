@@ -53,7 +53,6 @@ ELSEWHERE = {
         f"planner.programs.long.{name}" for name in ("done", "journal", "parts", "restore", "run", "window")
     ),
     "programs/path/test_absorb.py": ("planner.programs.path.corner_sizes",),
-    "programs/path/test_corners.py": ("planner.geometry.blend",),
     "programs/path/test_smooth_path.py": tuple(
         f"planner.programs.path.{name}" for name in ("measure", "moves", "stretch")
     ),
@@ -87,6 +86,7 @@ TOPICS = {
     "test_wheel.py": "what is installed",
     "feedplan/test_arguments.py": "swapped arguments and wrong types, at every door",
     "machine/test_feed_caps.py": "limits of a curve whose blocks have feeds of their own",
+    "output/test_table_truth.py": "what a table claims is computed again",
     "output/test_roundtrip.py": "programs that are written and planned again",
     "plan/solvers/test_interior_invariants.py": "what must not change the optimum",
     "plan/solvers/test_interior_plans.py": "plans of the interior-point method",

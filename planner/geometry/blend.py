@@ -86,20 +86,23 @@ def turning(vectors: FloatArray, rates: FloatArray, x: FloatArray) -> FloatArray
         w, k.
     x : (n,) array
     """
-    w, k, x = rates[:, 0:1], rates[:, 1:2], x[:, None]
-    e1, e2, g = vectors[:, 0], vectors[:, 1], vectors[:, 2]
+    out = np.zeros((4, *vectors[:, 0].shape))
+    out[0] = vectors[:, 0] + vectors[:, 2] * x[:, None]
+    out[1] = vectors[:, 2]
+    bent = np.flatnonzero((rates != 0.0).any(axis=1))  # lines are most of a program, and need no sine
+    if bent.size == 0:
+        return out
+    w, k, x = rates[bent, 0:1], rates[bent, 1:2], x[bent, None]
+    e1, e2, g = (vectors[bent, j] for j in range(3))
     cosine, sine = np.cos(w * x), np.sin(w * x)
     circle = e1 * cosine + e2 * sine
     along = w * (e2 * cosine - e1 * sine)
     grown = 1.0 + k * x
-    return np.stack(
-        [
-            grown * circle + g * x,
-            grown * along + k * circle + g,
-            -grown * w**2 * circle + 2.0 * k * along,
-            -grown * w**2 * along - 3.0 * k * w**2 * circle,
-        ]
-    )
+    out[0, bent] = grown * circle + g * x
+    out[1, bent] = grown * along + k * circle + g
+    out[2, bent] = -grown * w**2 * circle + 2.0 * k * along
+    out[3, bent] = -grown * w**2 * along - 3.0 * k * w**2 * circle
+    return out
 
 
 @dataclass(frozen=True, eq=False)
