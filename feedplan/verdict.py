@@ -88,7 +88,9 @@ class Verdict(Tabular):
 
     def __repr__(self) -> str:
         said = "every limit holds" if self.holds else "LIMIT BROKEN"
-        gap = "" if math.isnan(self.gap) else f", at most {percent(max(self.gap, 0.0), 2)} above the optimum"
+        # A bound says how near the optimum a plan is only where the plan holds, and somebody computed the bound.
+        known = self.holds and self.claim in {Claim.COMPUTED, Claim.CERTIFIED} and self.gap >= -BOUND_TOLERANCE
+        gap = f", at most {percent(max(self.gap, 0.0), 2)} above the optimum" if known else ""
         if self.holds and not self.ok:
             said += ", but its lower bound does not"
         return f"Verdict({self.profile.curve.name}: {self.profile.duration:.6g} s{gap};\n        {said})"

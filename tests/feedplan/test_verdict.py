@@ -56,6 +56,23 @@ def with_shares(verdict: Verdict, **shares: float) -> Verdict:
     return replace(verdict, profile=profile)
 
 
+def test_in_two_lines_a_plan_is_near_the_optimum_only_where_that_is_known(sound: Verdict) -> None:
+    """Neither a claim of a table, nor a bound above the plan, nor one on a plan that breaks a limit says so."""
+    near = "above the optimum"
+    assert near in repr(sound)
+    duration = sound.profile.duration
+    broken = replace(sound, samples_report=report_with(sound.samples_report, (0, 1.5, False)))
+    for other in (
+        with_plan(sound, claim=Claim.TABLE),
+        with_plan(sound, lower_bound=math.nan),
+        with_plan(sound, lower_bound=2.0 * duration),
+        broken,
+    ):
+        assert near not in repr(other)
+        assert f"{duration:.6g} s" in repr(other)
+    assert "LIMIT BROKEN" in repr(broken)
+
+
 def report_with(report: Report, *rows: tuple[int, float, bool]) -> Report:
     """The same report with other ratios in some rows."""
     found = list(report.rows)
