@@ -16,7 +16,7 @@ ELSEWHERE = {
     "feedplan/cli/test_plan.py": ("feedplan.cli.app", "feedplan.cli.check", "feedplan.cli.replay", "feedplan.progress"),
     "feedplan/cli/test_programs.py": ("feedplan.cli.ngc", "feedplan.cli.time", "feedplan.cli.windows"),
     "feedplan/comparison/test_comparison.py": tuple(
-        f"feedplan.comparison{name}" for name in ("", ".judgement", ".methods", ".result")
+        f"feedplan.comparison{name}" for name in (".judgement", ".methods", ".result")
     ),
     "feedplan/test_job.py": ("feedplan.sources",),
     "feedplan/test_page.py": ("feedplan.cli.report",),
@@ -144,6 +144,7 @@ def test_every_module_has_its_file_or_a_place_elsewhere(module):
 def test_what_is_named_here_exists():
     assert set(PLACED) <= set(MODULES)
     assert len(PLACED) == sum(map(len, ELSEWHERE.values()))
+    assert [module for module in PLACED if own_test(MODULES[module]).exists()] == []
     assert [name for name in (*ELSEWHERE, *TOPICS) if not (TESTS / name).exists()] == []
 
 
