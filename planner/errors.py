@@ -29,3 +29,7 @@ class SolverError(FeedrateError):
 
 class StalledError(FeedrateError):
     """A step-by-step algorithm stopped advancing; the message names the parameter, the cause and a remedy."""
+
+
+class CoreError(FeedrateError, ImportError):
+    """The compiled core is missing, or was made from other source than stands beside it; the message says what to type."""

@@ -16,6 +16,8 @@ PACKAGES = ("planner", "interp", "feedplan")
 ORDER = (
     "planner.version",
     "planner.errors",
+    "planner.core_source",
+    "planner.compiled",
     "planner.types",
     "planner.frames",
     "planner.inputs",

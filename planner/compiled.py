@@ -1,0 +1,127 @@
+"""The compiled core: one shared library of plain C, loaded once, and its functions as the headers declare them.
+
+``core.NAME(...)`` calls the function NAME.  Arrays are numpy arrays of the declared type, contiguous in C order and
+writable unless declared ``const``; None is NULL.  Sizes are not checked here: the Python function around a call knows them.
+
+    from planner.compiled import core
+    core.interior_factor(h, h.size, hessian, gains, root)
+"""
+
+from __future__ import annotations
+
+import ctypes
+import re
+from collections.abc import Callable
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from planner.core_source import library_file, source_files, source_hash
+from planner.errors import CoreError
+
+_ROOT = Path(__file__).resolve().parents[1]
+_REBUILD = "install feedplan again (python -m pip install .; in a checkout: python -m pip install --editable .)"
+_TYPES: dict[str, tuple[Any, tuple[np.dtype[Any], ...]]] = {
+    "double": (ctypes.c_double, (np.dtype(np.float64),)),
+    "float": (ctypes.c_float, (np.dtype(np.float32),)),
+    "int64_t": (ctypes.c_int64, (np.dtype(np.int64),)),
+    "int32_t": (ctypes.c_int32, (np.dtype(np.int32),)),
+    "uint8_t": (ctypes.c_uint8, (np.dtype(np.uint8), np.dtype(np.bool_))),
+}
+_COMMENT = re.compile(r"/\*.*?\*/|//[^\n]*|^[ \t]*#[^\n]*", re.DOTALL | re.MULTILINE)
+_PROTOTYPE = re.compile(r"(\w+)\s+(\w+)\s*\(([^()]*)\)\s*;")
+_PARAMETER = re.compile(r"(const\s+)?(\w+)\s*(\*)?\s*(?:restrict\s+)?(\w+)\Z")
+
+
+def prototypes(header: str) -> dict[str, tuple[str, list[str]]]:
+    """Every function that a header declares: what it returns, and its parameters, as they stand there."""
+    found = {}
+    for returned, name, inside in _PROTOTYPE.findall(_COMMENT.sub(" ", header)):
+        parameters = [] if inside.strip() == "void" else [" ".join(part.split()) for part in inside.split(",")]
+        found[name] = (returned, parameters)
+    return found
+
+
+class Function:
+    """A function of the core.  Calling it checks and converts the arguments; see :meth:`bind` for calls without that."""
+
+    def __init__(self, library: ctypes.CDLL, name: str, returned: str, parameters: list[str]) -> None:
+        self.name = name
+        self._call = getattr(library, name)
+        self._call.restype = None if returned == "void" else _TYPES[returned][0]
+        types, self._arrays = [], list[tuple[str, tuple[np.dtype[Any], ...], bool] | None]()
+        for parameter in parameters:
+            match = _PARAMETER.match(parameter)
+            if match is None or match[2] not in _TYPES:
+                raise CoreError(
+                    f"{name}: the declaration {parameter!r} has another form than the core's headers may have"
+                )
+            ctype, dtypes = _TYPES[match[2]]
+            types.append(ctypes.c_void_p if match[3] else ctype)
+            self._arrays.append((match[4], dtypes, not match[1]) if match[3] else None)
+        self._call.argtypes = types
+
+    def __call__(self, *arguments: Any) -> Any:
+        """What the function returns; TypeError where an argument is none that it declares."""
+        return self._call(*self._converted(arguments))
+
+    def bind(self, *arguments: Any) -> Callable[[], Any]:
+        """The call with these arguments, converted once: what changes from call to call stands in the arrays."""
+        call, converted = self._call, self._converted(arguments)
+
+        def bound(_held: tuple[Any, ...] = arguments) -> Any:
+            return call(*converted)
+
+        return bound
+
+    def _converted(self, arguments: tuple[Any, ...]) -> list[Any]:
+        if len(arguments) != len(self._arrays):
+            raise TypeError(f"{self.name} takes {len(self._arrays)} arguments, not {len(arguments)}")
+        return [
+            argument if array is None or argument is None else self._address(argument, *array)
+            for argument, array in zip(arguments, self._arrays, strict=True)
+        ]
+
+    def _address(self, array: Any, name: str, dtypes: tuple[np.dtype[Any], ...], written: bool) -> int:
+        if not isinstance(array, np.ndarray) or array.dtype not in dtypes:
+            found = array.dtype if isinstance(array, np.ndarray) else type(array).__name__
+            raise TypeError(f"{self.name}: {name} must be an array of {dtypes[0]}, not {found}")
+        flags = array.flags
+        if not flags.c_contiguous or (written and not flags.writeable):
+            raise TypeError(f"{self.name}: {name} must be contiguous{' and writable' * written}")
+        return int(array.__array_interface__["data"][0])
+
+
+class Core:
+    """The functions of the library, each made when it is first used."""
+
+    @cached_property
+    def _library(self) -> ctypes.CDLL:
+        file = library_file(_ROOT)
+        if not file.exists():
+            raise CoreError(f"the compiled core {file.name} is missing from {file.parent}; {_REBUILD}")
+        library = ctypes.CDLL(str(file))
+        library.core_source.restype = ctypes.c_char_p
+        if library.core_source() != source_hash(_ROOT).encode():
+            raise CoreError(f"the compiled core {file} was made from other source than stands beside it; {_REBUILD}")
+        return library
+
+    @cached_property
+    def _declared(self) -> dict[str, tuple[str, list[str]]]:
+        found: dict[str, tuple[str, list[str]]] = {}
+        for file in source_files(_ROOT):
+            if file.suffix == ".h" and not file.stem.endswith("_inline") and file.stem != "core":
+                found |= prototypes(file.read_text(encoding="utf-8"))
+        return found
+
+    def __getattr__(self, name: str) -> Function:
+        if name.startswith("_") or name not in self._declared:
+            raise AttributeError(f"the core declares no function {name!r}")
+        function = Function(self._library, name, *self._declared[name])
+        setattr(self, name, function)
+        return function
+
+
+core = Core()
