@@ -137,9 +137,9 @@ class TestTheScanItself:
         )
 
     def test_finds_imports_on_demand_and_for_types(self):
-        curve = imports("planner.geometry.curve")
-        assert {"planner.errors", "planner.geometry.curve_kernels", "planner.geometry.arclength", "numpy"} <= curve
-        assert "planner.geometry.curve_kernels" not in imports("planner.geometry.curve", nested=False)
+        assert {"planner.errors", "planner.geometry.arclength", "numpy"} <= imports("planner.geometry.curve")
+        assert "planner.files.columns" in imports("planner.programs.times")
+        assert "planner.files.columns" not in imports("planner.programs.times", nested=False)
         assert "feedplan.verdict" in imports("feedplan.job")
         assert "feedplan.verdict" not in imports("feedplan.job", types=False, nested=False)
 
@@ -159,9 +159,9 @@ class TestTheScanItself:
 
     def test_resolves_relative_imports(self, tmp_path, monkeypatch):
         path = tmp_path / "probe.py"
-        path.write_text("from . import curve_kernels\nfrom ..machine import limits\nfrom .curve import Curve\n")
+        path.write_text("from . import arclength\nfrom ..machine import limits\nfrom .curve import Curve\n")
         monkeypatch.setitem(MODULES, "planner.geometry.probe", path)
-        expected = {"planner.geometry.curve_kernels", "planner.machine.limits", "planner.geometry.curve"}
+        expected = {"planner.geometry.arclength", "planner.machine.limits", "planner.geometry.curve"}
         assert imports("planner.geometry.probe") == expected
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike
 
+from planner.compiled import core
 from planner.errors import CurveError, InputError
 from planner.inputs import coordinates, require_side
 from planner.types import FloatArray, Side
@@ -99,11 +100,11 @@ class ArcLength:
 
         Raises InputError for a parameter outside the domain.
         """
-        from planner.geometry.curve_kernels import panel_length
-
         points = _within(u, self.edges[0], self.edges[-1], "u")
         out = np.empty(points.size)
-        panel_length(self.edges, self.lengths, self._series, points.reshape(-1), out)
+        core.arclength_at(
+            *self._series.shape, self.edges, self.lengths, self._series, out.size, points.reshape(-1), out
+        )
         return out.reshape(points.shape)
 
     def speed_at(self, u: float, side: Side) -> tuple[float, float, float]:
@@ -123,13 +124,31 @@ class ArcLength:
         ``side`` matters only where the curve rests: "right" takes the last parameter with that length, "left" the
         first.  Raises InputError for a length outside the curve.
         """
-        from planner.geometry.curve_kernels import panel_inverse
-
         require_side(side)
         points = _within(s, 0.0, self.total, "s")
-        out = np.empty(points.size)
-        panel_inverse(self.edges, self.lengths, self._series, self._speeds, points.reshape(-1), side == "left", out)
-        return out.reshape(points.shape)
+        panels = self.edges, self.lengths, self._series, self._speeds
+        return inverse_on_panels(*panels, points.reshape(-1), side).reshape(points.shape)
+
+
+def inverse_on_panels(
+    edges: FloatArray, lengths: FloatArray, series: FloatArray, speeds: FloatArray, s: FloatArray, side: Side = "right"
+) -> FloatArray:
+    """Invert the arc length at the flat array s.
+
+    Parameters
+    ----------
+    edges, lengths : (m + 1,) arrays
+        Of the panels: in the parameter, and lengths from the start, which give the edges exactly.
+    series, speeds : (m, terms) arrays
+        Chebyshev series of the length since a panel's left edge, and of the speed.
+    s : (n,) array
+    side : {"right", "left"}
+        Whether the last or the first parameter with that length is meant, where the curve rests.
+    """
+    out = np.empty(s.size)
+    panels = edges, lengths, series, speeds
+    core.arclength_inverse(*series.shape, speeds.shape[1], *panels, s.size, s, side == "left", out)
+    return out
 
 
 def _speed_series(speed: Callable[[FloatArray], FloatArray], lo: FloatArray, hi: FloatArray) -> FloatArray:

@@ -27,6 +27,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
+from planner.geometry.arclength import inverse_on_panels
 from planner.geometry.differential import arc_derivatives, chain_rule
 from planner.types import FloatArray
 
@@ -185,8 +186,6 @@ class Blends:
 
     def tau(self, row: NDArray[np.intp], s: FloatArray) -> FloatArray:
         """Invert the arc length by its series, the blends of one table together."""
-        from planner.geometry.curve_kernels import panel_inverse
-
         table = self._table[row]
         target = np.clip(s / self.size[row], 0.0, None)
         x = np.empty(row.size)
@@ -196,10 +195,8 @@ class Blends:
         for some in np.split(order, starts[1:]) if order.size else []:
             k = table[some[0]]
             total = np.array([0.0, self._lengths[k].sum()])
-            found = np.empty(some.size)
             series = self._lengths[k : k + 1], self._speeds[k : k + 1]
-            panel_inverse(edges, total, *series, np.minimum(target[some], total[1]), False, found)
-            x[some] = found
+            x[some] = inverse_on_panels(edges, total, *series, np.minimum(target[some], total[1]))
         b = self._half_angle[table]
         tau = b * np.sinh(np.arcsinh(1.0 / b) * x)
         tau = np.where(s <= 0.0, -1.0, np.where(s >= self.length[row], 1.0, tau))

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from planner.compiled import core
 from planner.errors import CurveError, InputError
 from planner.geometry.arclength import ArcLength
 from planner.geometry.continuity import MAX_DERIVATIVE, Break, continuity
@@ -43,7 +44,7 @@ _SCAN_BLOCK = 4096  # pieces at a time, which bounds the memory of the scan
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
-    """A curve as (rational) polynomials in power basis: what compiled code reads (see ``kernels``).
+    """A curve as (rational) polynomials in power basis: what compiled code reads (see ``curve_inline.h``).
 
     Attributes
     ----------
@@ -80,11 +81,11 @@ class Pieces:
 
     def evaluate(self, u: FloatArray, order: int, left: NDArray[np.bool_] | bool) -> FloatArray:
         """Evaluate derivatives 0..order at the flat array u, from the left where asked; ``(order + 1, n, dim)``."""
-        from planner.geometry.curve_kernels import evaluate_pieces
-
-        out = np.empty((order + 1, u.size, self.coefficients.shape[1] - 1))
+        count, rows, terms = self.coefficients.shape
+        out = np.empty((order + 1, u.size, rows - 1))
         sides = np.full(u.size, left) if isinstance(left, bool) else left
-        evaluate_pieces(self.breaks, self.coefficients, self.rational, self.resting, self.origin, u, sides, order, out)
+        pieces = self.breaks, self.coefficients, self.rational, self.resting, self.origin
+        core.curve_evaluate(count, rows - 1, terms, *pieces, u.size, u, sides, order, out)
         return out
 
 

@@ -1,14 +1,9 @@
-"""Compiled evaluation of curve pieces and of arc length.
-
-Two data structures reach compiled code, both plain arrays:
+"""Evaluation of curve pieces inside other compiled loops; see ``curve_inline.h``.
 
 *Pieces* (m of them): ``breaks (m+1,)``, ``coefficients (m, d+1, p+1)`` and ``origin (m, d)``.  On piece i, with the local
 parameter ``w = (u - breaks[i]) / (breaks[i+1] - breaks[i])`` in [0, 1], coordinate j is ``origin[i, j]`` and the ratio of
 two polynomials in w, ``coefficients[i, j, :]`` over ``coefficients[i, d, :]`` (ascending powers).  Where the curve is
 polynomial the denominator is not looked at.  ``resting (m, d)`` says which coordinates have one value all over a piece.
-
-*Panels* (m of them): ``edges (m+1,)`` in u, ``lengths (m+1,)`` accumulated, and per panel the Chebyshev series of the
-length since the panel's left edge.
 
 Signatures are explicit and the machine code is cached, so only the very first import compiles.  Divisions follow numpy:
 a denominator that underflows to 0 gives inf or nan, which the curve's own validation finds.
@@ -16,7 +11,6 @@ a denominator that underflows to 0 gives inf or nan, which the curve's own valid
 
 from __future__ import annotations
 
-import numpy as np
 from numba import njit, types
 
 # Arrays that a kernel only reads may be frozen, which is a type of its own to numba.
@@ -24,17 +18,6 @@ F64, I64, FLAG, NOTHING = types.float64, types.int64, types.boolean, types.void
 READ1, READ2, READ3 = (types.Array(F64, n, "C", readonly=True) for n in (1, 2, 3))
 WRITE1, WRITE2, WRITE3 = (types.Array(F64, n, "C") for n in (1, 2, 3))
 FLAGS, FLAGS2 = (types.Array(FLAG, n, "C", readonly=True) for n in (1, 2))
-
-# Newton on a Chebyshev panel converges in 3-5 passes; bisection, which takes over where it leaves the bracket, in 60.
-_MAX_INVERSION_PASSES = 100
-
-
-@njit(F64(READ1, F64), cache=True, error_model="numpy")
-def _clenshaw(series, x):
-    b1 = b2 = 0.0
-    for k in range(series.size - 1, 0, -1):
-        b1, b2 = series[k] + 2.0 * x * b1 - b2, b1
-    return series[0] + x * b1 - b2
 
 
 @njit(forceinline=True)
@@ -100,67 +83,3 @@ def point_on_pieces(breaks, coefficients, rational, resting, origin, u, left, gu
         out[2, j] = 2.0 * c2 * scale * scale
         out[3, j] = 6.0 * c3 * scale * scale * scale
     return piece
-
-
-@njit(NOTHING(READ1, READ3, FLAG, FLAGS2, READ2, READ1, FLAGS, I64, WRITE3), cache=True, error_model="numpy")
-def evaluate_pieces(breaks, coefficients, rational, resting, origin, u, left, order, out):
-    """Write the derivatives 0..order of the curve at every u into ``out (order+1, n, d)``, from the left where asked."""
-    dim = coefficients.shape[1] - 1
-    point = np.empty((4, dim))
-    piece = 0
-    for n in range(u.size):
-        piece = point_on_pieces(breaks, coefficients, rational, resting, origin, u[n], left[n], piece, point)
-        for k in range(order + 1):
-            for j in range(dim):
-                out[k, n, j] = point[k, j]
-
-
-@njit(NOTHING(READ1, READ1, READ2, READ1, WRITE1), cache=True, error_model="numpy")
-def panel_length(edges, lengths, series, u, out):
-    """Write the arc length at every u into ``out``: Clenshaw on the panel's series, exact at the edges."""
-    panel = 0
-    for n in range(u.size):
-        panel = find_piece(edges, u[n], False, panel)
-        x = 2.0 * (u[n] - edges[panel]) / (edges[panel + 1] - edges[panel]) - 1.0
-        if u[n] <= edges[panel]:
-            out[n] = lengths[panel]
-        elif u[n] >= edges[panel + 1]:
-            out[n] = lengths[panel + 1]
-        else:
-            out[n] = min(max(lengths[panel] + _clenshaw(series[panel], x), lengths[panel]), lengths[panel + 1])
-
-
-@njit(NOTHING(READ1, READ1, READ2, READ2, READ1, FLAG, WRITE1), cache=True, error_model="numpy")
-def panel_inverse(edges, lengths, series, speeds, s, left, out):
-    """Write the parameter at every arc length s into ``out``.
-
-    The lengths at the edges give the edges themselves, so breaks are met exactly; where the curve rests, the last of
-    them (left: the first).  Between them Newton, with bisection where Newton leaves the bracket.
-    """
-    panel = 0
-    for n in range(s.size):
-        panel = find_piece(lengths, s[n], left, panel)
-        target = s[n] - lengths[panel]
-        total = lengths[panel + 1] - lengths[panel]
-        if target >= total and (total > 0.0 or not left):
-            out[n] = edges[panel + 1]
-            continue
-        if target <= 0.0:
-            out[n] = edges[panel]
-            continue
-        half = 0.5 * (edges[panel + 1] - edges[panel])
-        lo, hi = -1.0, 1.0
-        x = 2.0 * target / total - 1.0
-        for _ in range(_MAX_INVERSION_PASSES):
-            error = _clenshaw(series[panel], x) - target
-            if error > 0.0:
-                hi = x
-            else:
-                lo = x
-            slope = _clenshaw(speeds[panel], x) * half
-            step = -error / slope if slope > 0.0 else 4.0
-            if abs(step) <= 4e-16 or hi - lo <= 4e-16:
-                break
-            trial = x + step
-            x = trial if lo <= trial <= hi else 0.5 * (lo + hi)
-        out[n] = min(max(edges[panel] + half * (x + 1.0), edges[panel]), edges[panel + 1])

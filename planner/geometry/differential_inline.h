@@ -16,9 +16,9 @@ static inline Triple chain_rule(double q1, double q2, double q3, double u1, doub
 }
 
 /* |C'| > 0 and its first two derivatives with respect to u, from |C'|^2, C'.C'' and |C''|^2 + C'.C'''. */
-static inline Triple speed_derivatives(double square, double along, double bend)
+static inline Triple speed_derivatives(double squared, double along, double bend)
 {
-    const double speed = sqrt(square), slope = along / speed;
+    const double speed = sqrt(squared), slope = along / speed;
     const Triple speeds = {speed, slope, (bend - slope * slope) / speed};
     return speeds;
 }

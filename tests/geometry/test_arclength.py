@@ -6,13 +6,14 @@ from itertools import pairwise
 import mpmath
 import numpy as np
 import pytest
+from curve_reference import panel_inverse, panel_length
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import special
 from strategies import exact_nurbs, nurbs_curves, random_nurbs, span_of
 
 from planner import CATALOG, InputError, load_curve
-from planner.geometry.arclength import ArcLength
+from planner.geometry.arclength import ArcLength, inverse_on_panels
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
 
@@ -227,3 +228,45 @@ class TestArguments:
         arc = load_curve("circle").arclength
         with pytest.raises(ValueError, match="read-only"):
             arc.lengths[0] = 1.0
+
+
+class TestCompiled:
+    """The bits are those of plain Python, where the curve runs on, rests, and hardly moves."""
+
+    CURVES = (
+        load_curve("butterfly"),
+        random_nurbs(3, 3, 2),
+        rest_in_the_middle(),
+        # |C'| from 1 to 1e-9 and back: Newton leaves the bracket
+        FormulaCurve({"X": "u**5 + 1e-9*u", "Y": "0*u"}, (-1.0, 1.3)),
+    )
+
+    @pytest.mark.parametrize("curve", CURVES, ids=lambda curve: curve.name)
+    def test_lengths_and_parameters(self, curve):
+        arc, rng = curve.arclength, np.random.default_rng(6)
+        u = rng.permutation(
+            np.concatenate([arc.edges, np.nextafter(arc.edges[1:], -np.inf), rng.uniform(*curve.domain, 200)])
+        )
+        expected = np.empty(u.size)
+        panel_length(arc.edges, arc.lengths, arc._series, u, expected)
+        assert arc.s(u).tobytes() == expected.tobytes()
+        s = np.concatenate([arc.lengths, np.nextafter(arc.lengths[1:], 0.0), rng.uniform(0.0, arc.total, 200)])
+        s = rng.permutation(np.concatenate([s, arc.total * rng.uniform(0.0, 1e-12, 20)]))
+        for side in ("left", "right"):
+            panel_inverse(
+                arc.edges, arc.lengths, arc._series, arc._speeds, s, side == "left", expected := np.empty(s.size)
+            )
+            assert arc.u(s, side=side).tobytes() == expected.tobytes()
+
+    def test_bisection_takes_over(self):
+        """A series of the speed that is wrong sends Newton away; the length alone still decides."""
+        edges, lengths = np.array([0.0, 2.0]), np.array([0.0, 1.0])
+        series = np.array([[0.5, 0.45, 0.0, 0.05]])
+        for speeds in (np.array([[1e-3, 0.0, 0.0]]), np.array([[-1.0, 0.0, 0.0]]), np.array([[1e300, 0.0, 0.0]])):
+            s = np.linspace(0.0, 1.0, 41)
+            panel_inverse(edges, lengths, series, speeds, s, False, expected := np.empty(s.size))
+            found = inverse_on_panels(edges, lengths, series, speeds, s)
+            assert found.tobytes() == expected.tobytes()
+            if speeds[0, 0] < 1.0:
+                x = found - 1.0
+                np.testing.assert_allclose(0.5 + 0.45 * x + 0.05 * (4.0 * x**3 - 3.0 * x), s, atol=1e-12)

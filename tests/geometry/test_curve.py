@@ -5,11 +5,13 @@ import sys
 
 import numpy as np
 import pytest
+from curve_reference import evaluate_pieces
 from hypothesis import given, settings
 from strategies import insert_knot, nurbs_curves, oracle, random_nurbs
 
 from planner import CurveError, InputError, load_curve
 from planner.geometry.continuity import continuity_at
+from planner.geometry.curve import Pieces
 from planner.geometry.differential import arc_derivatives
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
@@ -370,3 +372,48 @@ class TestFingerprint:
         command = "from planner import load_curve; print(*(load_curve(n).fingerprint for n in ('butterfly', 'flank')))"
         there = subprocess.run([sys.executable, "-c", command], capture_output=True, text=True, check=True)
         assert there.stdout.split() == [load_curve("butterfly").fingerprint, load_curve("flank").fingerprint]
+
+
+def random_pieces(seed):
+    """Pieces of 1 to 4 coordinates, rational or not, some coordinates at rest, one narrow and one denominator that is 0."""
+    rng = np.random.default_rng(seed)
+    count, dim, terms, rational = (
+        int(rng.integers(1, 9)),
+        int(rng.integers(1, 5)),
+        int(rng.integers(1, 11)),
+        seed % 2 == 1,
+    )
+    coefficients = rng.normal(size=(count, dim + 1, terms)) * 10.0 ** rng.integers(-3, 4, size=(count, 1, 1))
+    if rational and seed % 3 == 0:
+        coefficients[0, -1] = 0.0
+    widths = rng.uniform(0.1, 1.0, count)
+    widths[-1] = 1e-12 if seed % 5 == 0 else widths[-1]
+    breaks = np.concatenate([[-0.3], -0.3 + np.cumsum(widths)])
+    return Pieces(breaks, coefficients, rational, rng.random((count, dim)) < 0.2, rng.normal(size=(count, dim)))
+
+
+class TestCompiled:
+    @pytest.mark.parametrize("seed", range(30))
+    def test_the_bits_are_those_of_plain_python(self, seed):
+        pieces, rng = random_pieces(seed), np.random.default_rng([seed, 1])
+        b = pieces.breaks
+        u = np.concatenate(
+            [b, np.nextafter(b, np.inf), np.nextafter(b, -np.inf), rng.uniform(b[0] - 0.1, b[-1] + 0.1, 60)]
+        )
+        u, left = rng.permutation(u), rng.random(u.size) < 0.5
+        for order in range(4):
+            expected = np.empty((order + 1, u.size, pieces.origin.shape[1]))
+            with np.errstate(all="ignore"):
+                evaluate_pieces(
+                    b, pieces.coefficients, pieces.rational, pieces.resting, pieces.origin, u, left, order, expected
+                )
+            found = pieces.evaluate(u, order, left)
+            # a result that is not a number has no bits to agree on
+            assert np.array_equal(np.isnan(found), np.isnan(expected))
+            assert np.array_equal(found[~np.isnan(found)].view(np.int64), expected[~np.isnan(found)].view(np.int64))
+
+    def test_the_seeds_hold_what_they_should(self):
+        every = [random_pieces(seed) for seed in range(30)]
+        assert sum(p.rational for p in every) == 15
+        assert any(not p.coefficients[0, -1].any() for p in every)
+        assert sum(p.resting.any() for p in every) > 10

@@ -11,10 +11,10 @@ from types import ModuleType
 import mpmath
 import numpy as np
 
-from planner.geometry import differential, differential_kernels
+from planner.compiled import core
+from planner.geometry import differential
 
 SOURCE = Path(differential.__file__).read_text(encoding="utf-8")
-COMPILED = Path(differential_kernels.__file__).read_text(encoding="utf-8")
 AT = (0.37, -0.8, 1.45)  # times
 DIGITS = 1e-13  # of the largest term
 
@@ -169,24 +169,20 @@ class TestOracle:
         assert (differential.curvature(d) == 0.0).all()
 
 
-class TestKernels:
+class TestCompiled:
     def test_they_agree_with_the_arrays_on_random_numbers(self):
         rng = np.random.default_rng(5)
         q, u = rng.normal(size=(3, 200)), rng.normal(size=(3, 200))
-        speeds = np.abs(q[0]) + 0.1, q[1], q[2]
-        products = speeds[0] ** 2, speeds[0] * q[1], speeds[0] * q[2] + q[1] ** 2
+        speeds = np.stack([np.abs(q[0]) + 0.1, q[1], q[2]])
+        products = np.stack([speeds[0] ** 2, speeds[0] * q[1], speeds[0] * q[2] + q[1] ** 2])
         size = np.abs(q).max() * np.abs(u).max() ** 3
-        for n in range(200):
-            one = [float(part[n]) for part in (*q, *u)]
-            here = [float(part[n]) for part in speeds]
-            pairs = (
-                (differential_kernels.chain_rule(*one), differential.chain_rule(*one)),
-                (differential_kernels.rates_along(*one), differential.chain_rule(*one)),
-                (
-                    differential_kernels.rates_of_parameter(*here, *one[3:]),
-                    differential.rates_of_parameter(tuple(here), *one[3:]),
-                ),
-                (differential_kernels.speed_derivatives(*(float(part[n]) for part in products)), here),
-            )
-            for found, expected in pairs:
-                np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-14 * size)
+        for compute, arguments, expected in (
+            (core.differential_chain_rule, (q, u), differential.chain_rule(*q, *u)),
+            (core.differential_rates_along, (q, u), differential.chain_rule(*q, *u)),
+            (core.differential_rates_of_parameter, (speeds, u), differential.rates_of_parameter(tuple(speeds), *u)),
+            (core.differential_speed_derivatives, (products,), speeds),
+        ):
+            compute(200, *arguments, found := np.empty((3, 200)))
+            for n in range(200):
+                one = [part[n] for part in expected]
+                np.testing.assert_allclose(found[:, n], one, rtol=1e-12, atol=1e-14 * size)
