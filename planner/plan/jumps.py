@@ -73,7 +73,7 @@ def beside_jumps(curve: Curve, limits: Limits, law: TimeLaw) -> NDArray[np.bool_
 def soften(
     limits: Limits, sigma: FloatArray, first: NDArray[np.intp], step: FloatArray, slope: FloatArray, cap: FloatArray
 ) -> NDArray[np.bool_]:
-    """Lower the cap at the curvature jumps of a section, in place; returns the points beside them, (2n - 1,).
+    """Lower the cap at the curvature jumps of a section, in place; returns the points beside them, (p,).
 
     Parameters
     ----------
@@ -83,24 +83,25 @@ def soften(
     first : (m,) int array
     step, slope : (m, dim + 1), (m, dim) arrays
         Jump of the second derivative over sigma, of the axes and of the tip's arc length; size of the first, of the axes.
-    cap : (2n - 1,) array
-        Largest sigma_dot^2 at the knots and at the midpoints between them.
+    cap : (p,) array
+        Largest sigma_dot^2 at the knots and at the points between them (``collocation.py``).
     """
+    stride = (cap.size - 1) // (sigma.size - 1)
     at = sigma[first]
     jerk = limits.of_motions(JERK.order)
     alone = passable(step, jerk, limits.period)
     with np.errstate(divide="ignore"):
         gain = np.min(limits.acceleration / slope, axis=1)
-    passed = _together(at, step / jerk, np.minimum(alone, cap[2 * first]), limits.period)
-    for k in (0, 1, 2):
-        cap[2 * first + k] = np.minimum(cap[2 * first + k], passed)
+    passed = _together(at, step / jerk, np.minimum(alone, cap[stride * first]), limits.period)
+    for k in range(stride + 1):
+        cap[stride * first + k] = np.minimum(cap[stride * first + k], passed)
     # Within the window the plan cannot go further than at the jump's feed plus a window of acceleration.
     window = PERIODS_AROUND_STEP * limits.period
     reach = window * np.minimum(np.sqrt(passed) + gain * window, np.sqrt(cap.max()))
     # Whole intervals: within the one that the window ends in, the jerk climbs from one half to all of it.
     lo = np.maximum(np.searchsorted(sigma, at - reach, side="right") - 1, 0)
     hi = np.minimum(np.searchsorted(sigma, at + reach, side="left"), sigma.size - 1)
-    edges = np.bincount(2 * lo, minlength=cap.size + 1) - np.bincount(2 * hi + 1, minlength=cap.size + 1)
+    edges = np.bincount(stride * lo, minlength=cap.size + 1) - np.bincount(stride * hi + 1, minlength=cap.size + 1)
     return np.asarray(np.cumsum(edges[:-1]) > 0)
 
 

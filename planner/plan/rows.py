@@ -13,7 +13,7 @@ and the tangential limits are the same rows for one more "axis", the arc length 
 Each limit may have bounds of different size: with lower < 0 < upper in place of -1 and 1, and times x^(-1/2) where there is
 a jerk.  Every row knows the limit that it is of, and so does every multiplier; which place it has in an array says nothing.
 
-They are collocated at the knots and at the midpoints of the intervals.  Lengths and times are scaled so that the mean
+They are collocated at the knots and at points between (``collocation.py``).  Lengths and times are scaled so that the mean
 interval has length 1 and takes about the time 1: a solver never sees millimetres or seconds, and the same path in other
 units gives the same arrays.
 """
@@ -29,6 +29,7 @@ from planner.geometry.differential import acceleration_terms, chain_rule, jerk_t
 from planner.machine.feed_limits import chord_feed_limit, commanded_feed
 from planner.machine.limit_rows import LimitRow, limit_rows
 from planner.machine.limits import Limits
+from planner.plan.collocation import points_of, states_between, time_weights
 from planner.plan.ends import Feed
 from planner.plan.guess import FeedGuess
 from planner.plan.jumps import JERK_COLLOCATED, soften
@@ -71,20 +72,20 @@ class GridRows:
 class Constraints:
     """What a solver sees of a path and a machine, in units of ``length_unit`` (of sigma) and ``time_unit`` (s).
 
-    Points are the knots and midpoints in order: point 2k is knot k, point 2k+1 the middle of interval k.
+    Points are the knots and ``inner`` points inside every interval in order (``collocation.py``).
 
     Attributes
     ----------
     h : (n - 1,) array
         Interval lengths; 0 between the two knots of a double one.
-    cap : (2n - 1,) array
+    cap : (p,) array
         Largest x at each point.
     acceleration : GridRows
         (alpha, beta) of the limits on accelerations.
     jerk : GridRows
         r of the limits on jerks; their bounds are those of the rows times x^(-1/2).
-    weight : (2n - 1,) array
-        Simpson weights: the time is sum(weight * x^(-1/2)).
+    weight : (p,) array
+        Weights of Simpson's or Boole's rule: the time is sum(weight * x^(-1/2)).
     start, end : float
         Prescribed x at the first and last knot, nan where it is free.
     start_slope : float
@@ -95,6 +96,8 @@ class Constraints:
         First and last knot share x, a and c.
     length_unit, time_unit : float
         Of the scaled problem.
+    inner : int
+        Points inside an interval, 1 or 3.
     """
 
     h: FloatArray
@@ -109,15 +112,11 @@ class Constraints:
     periodic: bool
     length_unit: float
     time_unit: float
+    inner: int = 1
 
     def used(self, x: FloatArray, a: FloatArray, c: FloatArray) -> FloatArray:
-        """Largest share of a limit used at each point, (2n - 1,), by the cubics with these x, a, c at the knots (n,)."""
-        z = np.empty((3, self.cap.size))
-        z[:, ::2] = x, a, c
-        h, (before, slope, bend), after = self.h, z[:, :-2:2], z[2, 2::2]
-        z[0, 1::2] = before + h * slope + h**2 * (5.0 * bend + after) / 24.0
-        z[1, 1::2] = slope + h * (3.0 * bend + after) / 8.0
-        z[2, 1::2] = 0.5 * (bend + after)
+        """Largest share of a limit used at each point, (p,), by the cubics with these x, a, c at the knots (n,)."""
+        z = states_between(self.h, np.stack([x, a, c]), self.inner)
         share = np.sqrt(np.maximum(z[0], 0.0))
         out = share / np.sqrt(self.cap)
         for row, bounds in zip(self.acceleration.r, self.acceleration.bounds, strict=True):
@@ -178,19 +177,19 @@ def path_at(section: Section, limits: Limits, sigma: FloatArray, u: FloatArray, 
 
 
 def build(
-    section: Section, limits: Limits, grid: Grid, guess: FeedGuess, *, periodic: bool = False
+    section: Section, limits: Limits, grid: Grid, guess: FeedGuess, *, periodic: bool = False, inner: int = 1
 ) -> tuple[Constraints, Path]:
-    """Assemble the constraints of one section on a grid, and the path at its points."""
-    n = grid.sigma.size
+    """Assemble the constraints of one section on a grid, and the path at its points, ``inner`` ones in every interval."""
     h = np.diff(grid.sigma)
-    sigma = np.empty(2 * n - 1)
-    sigma[0::2], sigma[1::2] = grid.sigma, 0.5 * (grid.sigma[1:] + grid.sigma[:-1])
+    stride = inner + 1
+    sigma = points_of(grid.sigma, inner)
     u = section.parameter(section.position(sigma))
-    u[0::2] = grid.u
-    empty = 2 * np.flatnonzero(h == 0.0) + 1
-    u[empty] = u[empty - 1]
+    u[::stride] = grid.u
+    doubled = stride * np.flatnonzero(h == 0.0)
+    empty = (doubled[:, None] + np.arange(1, stride)).reshape(-1)
+    u[empty] = np.repeat(u[doubled], inner)
     # Near a stop u rounds to the end of its stretch; it must not be read from beyond.
-    beyond = u >= np.repeat(grid.stretch_end, 2)[:-1]
+    beyond = u >= np.repeat(grid.stretch_end, stride)[:-inner]
     path = path_at(section, limits, sigma, u, beyond)
     x_guess, duration = _guess(section, grid, guess)
     scale = section.span / grid.intervals
@@ -199,13 +198,9 @@ def build(
     rows_a, rows_j = acceleration_rows(limits, path), jerk_rows(limits, path)
     rows_j = rows_j.with_more(_ramp_rows(section, limits, sigma, path)) if len(rows_j) else rows_j
     if section.jumps:
-        _soften_jumps(section, limits, grid, path, cap, rows_j)
+        _soften_jumps(section, limits, grid, path, cap, rows_j, stride)
     rows_a.r[:, :, empty] = 0.0
     rows_j.r[:, :, empty] = 0.0
-    weight = np.zeros(2 * n - 1)
-    weight[0:-1:2] += h / 6.0
-    weight[1::2] += 4.0 * h / 6.0
-    weight[2::2] += h / 6.0
     per_x = (scale / tau) ** 2
     start, end = (
         (end.feed / path.tip[1, at]) ** 2 / per_x if isinstance(end, Feed) else np.nan
@@ -223,7 +218,7 @@ def build(
         cap=cap / per_x,
         acceleration=rows_a.times(units_a),
         jerk=rows_j.times(units_j),
-        weight=weight / scale,
+        weight=time_weights(h, inner) / scale,
         start=start,
         end=end,
         start_slope=slope / (per_x / scale),
@@ -231,6 +226,7 @@ def build(
         periodic=periodic,
         length_unit=scale,
         time_unit=tau,
+        inner=inner,
     )
     return constraints, path
 
@@ -286,13 +282,15 @@ def _ramp_rows(section: Section, limits: Limits, sigma: FloatArray, path: Path) 
     return GridRows(of, np.array(found).reshape(len(of), 3, sigma.size))
 
 
-def _soften_jumps(section: Section, limits: Limits, grid: Grid, path: Path, cap: FloatArray, rows_j: GridRows) -> None:
+def _soften_jumps(
+    section: Section, limits: Limits, grid: Grid, path: Path, cap: FloatArray, rows_j: GridRows, stride: int
+) -> None:
     """Lower the cap at curvature jumps, and the jerk that is left beside them."""
     first = grid.left[np.searchsorted(grid.u[grid.left], [b.u for b in section.jumps])]
     # The tip's arc length bends with the axes where these are weighted: sigma is that of the machine axes.
     every = np.concatenate([path.axes, path.tip[:, :, None]], axis=2)
-    step = every[2, 2 * first + 2] - every[2, 2 * first]
-    beside = soften(limits, grid.sigma, first, step, np.abs(path.axes[1, 2 * first]), cap)
+    step = every[2, stride * (first + 1)] - every[2, stride * first]
+    beside = soften(limits, grid.sigma, first, step, np.abs(path.axes[1, stride * first]), cap)
     rows_j.r[:, :, beside] /= JERK_COLLOCATED
 
 

@@ -64,11 +64,12 @@ class SpeedBound:
         which = np.where(which == names.index(FEED.label), commands[command], which)
         per_x = (problem.length_unit / problem.time_unit) ** 2
         lowered = problem.cap * per_x < lowest**2 * (1.0 - _LOWERED)
-        jump = 2 * np.flatnonzero((problem.h == 0.0) & lowered[1::2])
-        step = np.abs(path.axes[2, jump + 2] - path.axes[2, jump])
+        stride = problem.inner + 1
+        jump = stride * np.flatnonzero((problem.h == 0.0) & lowered[1::stride])
+        step = np.abs(path.axes[2, jump + stride] - path.axes[2, jump])
         with np.errstate(divide="ignore"):
             axis = np.argmin(limits.jerk / step, axis=1)
-        for k in (0, 1, 2):
+        for k in range(stride + 1):
             here = jump + k
             which[here] = np.where(lowered[here], at_jumps + axis, which[here])
             power[here] = np.where(lowered[here], 1.0, power[here])

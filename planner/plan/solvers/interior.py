@@ -5,7 +5,8 @@ the knots are linked by linear dynamics over an interval of length h,
 
     x+ = x + 2h a + h^2 (2c + c+)/3,      a+ = a + h (c + c+)/2,
 
-and everything is a function of (x, a, c) at the knots and, by the same cubic, at the midpoints.  We minimise
+and everything is a function of (x, a, c) at the knots and, by the same cubic, at the points between (``collocation.py``).
+We minimise
 
     sum_p w_p x_p^(-1/2)     subject to   |r . (x, a, c)| <= 1   or   |r . (x, a, c)| <= x^(-1/2)
 
@@ -51,6 +52,7 @@ import numpy as np
 
 from planner.errors import SolverError
 from planner.geometry.differential import dot
+from planner.plan.collocation import states_between
 from planner.plan.rows import Constraints
 from planner.status import Status
 from planner.types import FloatArray, Progress
@@ -133,7 +135,7 @@ class Iterate:
         sides = np.concatenate([np.ones((1, 2)), problem.acceleration.bounds, problem.jerk.bounds])
         self.sides = np.minimum(sides, _NO_BOUND)
         self.bounds = np.column_stack([self.jerk, self.sides])
-        self.h, self.weight = problem.h, problem.weight
+        self.h, self.weight, self.inner = problem.h, problem.weight, problem.inner
         self.problem = problem
         self.free_start = np.isnan(problem.start)
         # how many of x, a, c are prescribed at the first knot
@@ -195,7 +197,7 @@ def solve_interior(
     Parameters
     ----------
     problem : Constraints
-    start : (3, 2n - 1) array, or Waypoint
+    start : (3, p) array, or Waypoint
         x, a, c of a cubic spline at all points, x > 0 (see :func:`start_from`); or where the solution of a problem on the
         same grid that differs by little came through (``centring`` and ``inside`` then follow from it).
     centring : float
@@ -243,7 +245,7 @@ def solve_interior(
             f"the interior-point method stopped after {count} iterations ({status.value}) with a violation of "
             f"{it.residual:.2g}{'; the entry or exit feed may not be attainable' if given else ''}"
         )
-    knots = it.z[:, 0::2]
+    knots = it.z[:, :: problem.inner + 1]
     x, a, c = (row.copy() for row in knots)
     cpu = time.process_time() - began
     return Solution(x, a, c, it.time, status, count, it.gap / it.time, it.residual, cpu, it, waypoint)
@@ -257,13 +259,14 @@ def is_global(it: Iterate) -> bool:
     """
     load = (it.dual * it.sides[:, :, None])[it.jerk].sum(axis=(0, 1))
     place = np.zeros(load.size, dtype=np.intp)
-    place[1:] = np.cumsum(np.repeat(it.h > 0.0, 2))
+    place[1:] = np.cumsum(np.repeat(it.h > 0.0, it.inner + 1))
     return bool((np.bincount(place, load) <= np.bincount(place, it.weight) * (1.0 + _FEASIBLE)).all())
 
 
 def _tolerance(problem: Constraints) -> float:
     """Relative gap that resolves the shortest interval too: the share of one row below a thousandth of its time."""
-    share = problem.weight[1::2][problem.h > 0.0] * problem.guess[:-1][problem.h > 0.0] ** -0.5
+    full, middle = problem.h > 0.0, (problem.inner + 1) // 2
+    share = problem.weight[middle :: problem.inner + 1][full] * problem.guess[:-1][full] ** -0.5
     rows = 2 * (1 + len(problem.acceleration) + len(problem.jerk)) * problem.cap.size
     return float(np.clip(_MIN_SHARE * rows * share.min() / share.sum(), _FINEST_GAP, GAP_TOLERANCE))
 
@@ -309,7 +312,7 @@ def _factor(it: Iterate, pace: FloatArray) -> bool:
     for clip in (False, True):
         kernels.condense(*state, 0.0, 0.0, True, it.hessian, it.gradient, it.pace_sums)
         kernels.tie_pace(it.z, it.weight, it.pace_sums, clip, True, it.hessian, it.gradient)
-        if kernels.factor_barrier(it.h, it.hessian, it.gains, it.root) > 0.0:
+        if kernels.factor_barrier(it.h, it.inner, it.hessian, it.gains, it.root) > 0.0:
             return True
     return False
 
@@ -333,7 +336,7 @@ def _prepare_ends(it: Iterate) -> None:
     none = np.zeros_like(it.gradient)
     for first, last in prices:
         response = np.empty_like(it.step)
-        kernels.solve_barrier(it.h, it.gains, it.root, none, first, last, it.fixed, it.feed_forward, response)
+        kernels.solve_barrier(it.h, it.inner, it.gains, it.root, none, first, last, it.fixed, it.feed_forward, response)
         it.ends.append((response, last))
 
 
@@ -342,7 +345,7 @@ def _newton(it: Iterate, step: FloatArray) -> None:
     from planner.plan.solvers import interior_kernels as kernels
 
     none = np.zeros(3)
-    kernels.solve_barrier(it.h, it.gains, it.root, it.gradient, none, none, it.fixed, it.feed_forward, step)
+    kernels.solve_barrier(it.h, it.inner, it.gains, it.root, it.gradient, none, none, it.fixed, it.feed_forward, step)
     if not it.ends:
         return
 
@@ -374,29 +377,20 @@ def start_from(problem: Constraints, x: FloatArray) -> FloatArray:
         # x' at the first knot is three times the difference of the first two control values over the interval
         control[1] = problem.start + 2.0 / 3.0 * problem.start_slope * problem.h[0]
         control[2] = max(control[1], 0.5 * problem.start)
-    return _spline_states(problem.h, knots, control)
+    return states_between(problem.h, _knot_states(knots, control), problem.inner)
 
 
-def _spline_states(h: FloatArray, knots: FloatArray, control: FloatArray) -> FloatArray:
-    """x, a = x'/2 and c = x''/2 at all points, from the control values (n + 2,) of a cubic spline on knots (n + 6,).
+def _knot_states(knots: FloatArray, control: FloatArray) -> FloatArray:
+    """x, a = x'/2 and c = x''/2 at the knots, (3, n), from the control values (n + 2,) of a cubic spline on knots (n + 6,).
 
-    de Boor's triangle at the knots; x'' is linear between them, its control values are its values (one-sided at a double
-    knot).  Points between follow from the cubic.
+    de Boor's triangle; x'' is linear between knots, its control values are its values (one-sided at a double knot).
     """
-    n = h.size + 1
+    n = knots.size - 6
     before2, before, at, after, after2 = (knots[k : k + n] for k in range(1, 6))
     low = ((after - at) * control[:-2] + (at - before2) * control[1:-1]) / (after - before2)
     high = ((after2 - at) * control[1:-1] + (at - before) * control[2:]) / (after2 - before)
     slope = 3.0 * np.diff(control) / (knots[4:-1] - knots[1:-4])
     bend = 2.0 * np.diff(slope) / (knots[4:-2] - knots[2:-4])
     share = (at - before) / (after - before)
-    z = np.empty((3, 2 * n - 1))
-    z[0, 0::2] = (1.0 - share) * low + share * high
-    z[1, 0::2] = 0.5 * ((1.0 - share) * slope[:-1] + share * slope[1:])
-    z[2, 0::2] = 0.5 * bend
-    x, a, c = z[:, 0:-2:2]
-    following = z[2, 2::2]
-    z[0, 1::2] = x + h * a + h**2 * (5.0 * c + following) / 24.0
-    z[1, 1::2] = a + h * (3.0 * c + following) / 8.0
-    z[2, 1::2] = 0.5 * (c + following)
-    return z
+    x, dx = (1.0 - share) * low + share * high, (1.0 - share) * slope[:-1] + share * slope[1:]
+    return np.stack([x, 0.5 * dx, 0.5 * bend])

@@ -229,47 +229,50 @@ def advance_iterate(
     out[0], out[1] = gap, worst
 
 
-@njit(F64(READ1, READ2, WRITE2, WRITE1), cache=True, error_model="numpy")
-def factor_barrier(h, hessian, gains, root):
+@njit(F64(READ1, I64, READ2, WRITE2, WRITE1), cache=True, error_model="numpy")
+def factor_barrier(h, inner, hessian, gains, root):
     """Backward Riccati recursion on the Hessian: gains (4, n-1) of the control on the state, and the first knot's P.
 
-    Row 3 of ``gains`` is the pivot.  Returns the smallest pivot met (negative: the Hessian is not positive definite on
-    the dynamics, and the gains are not usable).
+    ``inner`` points stand inside every interval.  Row 3 of ``gains`` is the pivot.  Returns the smallest pivot met
+    (negative: the Hessian is not positive definite on the dynamics, and the gains are not usable).
     """
-    last = 2 * h.size
+    last = (inner + 1) * h.size
     pxx, pxa, pxc = hessian[0, last], hessian[1, last], hessian[2, last]
     paa, pac, pcc = hessian[3, last], hessian[4, last], hessian[5, last]
     smallest = np.inf
     for k in range(h.size - 1, -1, -1):
         d = h[k]
-        m, i = 2 * k + 1, 2 * k
+        i = (inner + 1) * k
         # next state: x + 2d a + 2/3 d^2 c + 1/3 d^2 v,  a + d/2 c + d/2 v,  v
         t1, t2, t3, t4 = 2.0 * d, 2.0 / 3.0 * d * d, 0.5 * d, d * d / 3.0
         # P times the columns of a, c and v
         ax, aa = t1 * pxx + pxa, t1 * pxa + paa
         cx, ca, cc = t2 * pxx + t3 * pxa, t2 * pxa + t3 * paa, t2 * pxc + t3 * pac
         vx, va, vc = t4 * pxx + t3 * pxa + pxc, t4 * pxa + t3 * paa + pac, t4 * pxc + t3 * pac + pcc
-        qxx, qxa, qxc, qxv = pxx, ax, cx, vx
-        qaa, qac, qav = t1 * ax + aa, t1 * cx + ca, t1 * vx + va
-        qcc, qcv = t2 * cx + t3 * ca, t2 * vx + t3 * va
+        qxx, qxa, qxc, qxv = pxx + hessian[0, i], ax + hessian[1, i], cx + hessian[2, i], vx
+        qaa, qac, qav = t1 * ax + aa + hessian[3, i], t1 * cx + ca + hessian[4, i], t1 * vx + va
+        qcc, qcv = t2 * cx + t3 * ca + hessian[5, i], t2 * vx + t3 * va
         qvv = t4 * vx + t3 * va + vc
-        # midpoint: x + d a + 5/24 d^2 c + 1/24 d^2 v,  a + 3/8 d c + 1/8 d v,  (c + v) / 2
-        hxx, hxa, hxc = hessian[0, m], hessian[1, m], hessian[2, m]
-        haa, hac, hcc = hessian[3, m], hessian[4, m], hessian[5, m]
-        m1, m2, m3, m4 = 5.0 / 24.0 * d * d, 0.375 * d, d * d / 24.0, 0.125 * d
-        ax, aa = d * hxx + hxa, d * hxa + haa
-        cx, ca, cc = m1 * hxx + m2 * hxa + 0.5 * hxc, m1 * hxa + m2 * haa + 0.5 * hac, m1 * hxc + m2 * hac + 0.5 * hcc
-        vx, va, vc = m3 * hxx + m4 * hxa + 0.5 * hxc, m3 * hxa + m4 * haa + 0.5 * hac, m3 * hxc + m4 * hac + 0.5 * hcc
-        qxx += hxx + hessian[0, i]
-        qxa += ax + hessian[1, i]
-        qxc += cx + hessian[2, i]
-        qxv += vx
-        qaa += d * ax + aa + hessian[3, i]
-        qac += d * cx + ca + hessian[4, i]
-        qav += d * vx + va
-        qcc += m1 * cx + m2 * ca + 0.5 * cc + hessian[5, i]
-        qcv += m1 * vx + m2 * va + 0.5 * vc
-        qvv += m3 * vx + m4 * va + 0.5 * vc
+        for j in range(1, inner + 1):
+            # inner point: x + t1 a + m1 c + m3 v,  a + m2 c + m4 v,  m5 c + m6 v
+            hxx, hxa, hxc = hessian[0, i + j], hessian[1, i + j], hessian[2, i + j]
+            haa, hac, hcc = hessian[3, i + j], hessian[4, i + j], hessian[5, i + j]
+            m6 = j / (inner + 1.0)
+            t1, m3, m4, m5 = 2.0 * m6 * d, m6**3 / 3.0 * d * d, 0.5 * m6 * m6 * d, 1.0 - m6
+            m1, m2 = (m6 * m6 - m6**3 / 3.0) * d * d, (m6 - 0.5 * m6 * m6) * d
+            ax, aa = t1 * hxx + hxa, t1 * hxa + haa
+            cx, ca, cc = m1 * hxx + m2 * hxa + m5 * hxc, m1 * hxa + m2 * haa + m5 * hac, m1 * hxc + m2 * hac + m5 * hcc
+            vx, va, vc = m3 * hxx + m4 * hxa + m6 * hxc, m3 * hxa + m4 * haa + m6 * hac, m3 * hxc + m4 * hac + m6 * hcc
+            qxx += hxx
+            qxa += ax
+            qxc += cx
+            qxv += vx
+            qaa += t1 * ax + aa
+            qac += t1 * cx + ca
+            qav += t1 * vx + va
+            qcc += m1 * cx + m2 * ca + m5 * cc
+            qcv += m1 * vx + m2 * va + m5 * vc
+            qvv += m3 * vx + m4 * va + m6 * vc
         smallest = min(smallest, qvv)
         if not qvv > 0.0:
             return min(smallest, -1.0)
@@ -282,28 +285,33 @@ def factor_barrier(h, hessian, gains, root):
     return smallest
 
 
-@njit(NOTHING(READ1, READ2, READ1, READ2, READ1, READ1, I64, WRITE1, WRITE2), cache=True, error_model="numpy")
-def solve_barrier(h, gains, root, gradient, first, last, fixed, feed_forward, step):
+@njit(NOTHING(READ1, I64, READ2, READ1, READ2, READ1, READ1, I64, WRITE1, WRITE2), cache=True, error_model="numpy")
+def solve_barrier(h, inner, gains, root, gradient, first, last, fixed, feed_forward, step):
     """Newton step for one gradient, by the gains of :func:`factor_barrier`: a backward sweep, then a forward one.
 
     ``first`` and ``last`` are extra gradients of the first and last state (for end conditions).  At the first knot ``fixed``
     of its states do not move: none, x, or x and a.
     """
     n = h.size
-    end = 2 * n
+    end = (inner + 1) * n
     px = gradient[0, end] + last[0]
     pa = gradient[1, end] + last[1]
     pc = gradient[2, end] + last[2]
     for k in range(n - 1, -1, -1):
         d = h[k]
-        m, i = 2 * k + 1, 2 * k
-        mx, ma, mc = gradient[0, m], gradient[1, m], gradient[2, m]
-        lv = d * d / 3.0 * px + 0.5 * d * pa + pc + d * d / 24.0 * mx + 0.125 * d * ma + 0.5 * mc
-        lx = px + mx + gradient[0, i]
-        la = 2.0 * d * px + pa + d * mx + ma + gradient[1, i]
-        lc = (
-            2.0 / 3.0 * d * d * px + 0.5 * d * pa + 5.0 / 24.0 * d * d * mx + 0.375 * d * ma + 0.5 * mc + gradient[2, i]
-        )
+        i = (inner + 1) * k
+        lx = px + gradient[0, i]
+        la = 2.0 * d * px + pa + gradient[1, i]
+        lc = 2.0 / 3.0 * d * d * px + 0.5 * d * pa + gradient[2, i]
+        lv = d * d / 3.0 * px + 0.5 * d * pa + pc
+        for j in range(1, inner + 1):
+            mx, ma, mc = gradient[0, i + j], gradient[1, i + j], gradient[2, i + j]
+            t = j / (inner + 1.0)
+            far = t**3 / 3.0
+            lx += mx
+            la += 2.0 * t * d * mx + ma
+            lc += (t * t - far) * d * d * mx + (t - 0.5 * t * t) * d * ma + (1.0 - t) * mc
+            lv += far * d * d * mx + 0.5 * t * t * d * ma + t * mc
         px, pa, pc = lx - gains[0, k] * lv, la - gains[1, k] * lv, lc - gains[2, k] * lv
         feed_forward[k] = lv / gains[3, k]
     px, pa, pc = px + first[0], pa + first[1], pc + first[2]
@@ -326,11 +334,14 @@ def solve_barrier(h, gains, root, gradient, first, last, fixed, feed_forward, st
         x = -px / root[0] - u * a - w * c
     for k in range(n):
         d = h[k]
-        i, m = 2 * k, 2 * k + 1
+        i = (inner + 1) * k
         step[0, i], step[1, i], step[2, i] = x, a, c
         v = -(gains[0, k] * x + gains[1, k] * a + gains[2, k] * c) - feed_forward[k]
-        step[0, m] = x + d * a + d * d * (5.0 * c + v) / 24.0
-        step[1, m] = a + d * (3.0 * c + v) / 8.0
-        step[2, m] = 0.5 * (c + v)
+        for j in range(1, inner + 1):
+            t = j / (inner + 1.0)
+            far = t**3 / 3.0
+            step[0, i + j] = x + 2.0 * t * d * a + d * d * ((t * t - far) * c + far * v)
+            step[1, i + j] = a + d * ((t - 0.5 * t * t) * c + 0.5 * t * t * v)
+            step[2, i + j] = (1.0 - t) * c + t * v
         x, a, c = x + 2.0 * d * a + d * d * (2.0 * c + v) / 3.0, a + 0.5 * d * (c + v), v
     step[0, end], step[1, end], step[2, end] = x, a, c
