@@ -20,7 +20,7 @@ from planner.types import FloatArray
 _RULES = {1: np.array([1.0, 4.0, 1.0]) / 6.0, 3: np.array([7.0, 32.0, 12.0, 32.0, 7.0]) / 90.0}
 
 
-def shares(inner: int) -> FloatArray:
+def inner_shares(inner: int) -> FloatArray:
     """Where the inner points are, as shares of their interval, (inner,)."""
     return np.arange(1, inner + 1) / (inner + 1)
 
@@ -29,7 +29,7 @@ def points_of(knots: FloatArray, inner: int) -> FloatArray:
     """All points, (p,), of increasing knots (n,); those of a knot are exact."""
     points = np.empty((inner + 1) * (knots.size - 1) + 1)
     points[:: inner + 1] = knots
-    for k, share in enumerate(shares(inner), start=1):
+    for k, share in enumerate(inner_shares(inner), start=1):
         points[k :: inner + 1] = (1.0 - share) * knots[:-1] + share * knots[1:]
     return points
 
@@ -55,7 +55,7 @@ def states_between(h: FloatArray, knots: FloatArray, inner: int) -> FloatArray:
     z = np.empty((3, (inner + 1) * h.size + 1))
     z[:, :: inner + 1] = knots
     (x, a, c), after = knots[:, :-1], knots[2, 1:]
-    for k, t in enumerate(shares(inner), start=1):
+    for k, t in enumerate(inner_shares(inner), start=1):
         far = t**3 / 3.0
         z[0, k :: inner + 1] = x + 2.0 * t * h * a + h**2 * ((t**2 - far) * c + far * after)
         z[1, k :: inner + 1] = a + h * ((t - 0.5 * t**2) * c + 0.5 * t**2 * after)

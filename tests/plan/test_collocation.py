@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from planner.plan.collocation import mean_of, points_of, shares, states_between, time_weights
+from planner.plan.collocation import inner_shares, mean_of, points_of, states_between, time_weights
 
 KNOTS = np.array([0.0, 0.3, 0.3, 1.1, 1.15, 4.0])  # a double knot among them
 H = np.diff(KNOTS)
@@ -15,7 +15,7 @@ def test_points_keep_the_knots_and_divide_every_interval_evenly(inner):
     assert points.size == (inner + 1) * H.size + 1
     assert (points[:: inner + 1] == KNOTS).all()
     assert np.diff(points).reshape(-1, inner + 1) == pytest.approx(np.repeat(H / (inner + 1), inner + 1).reshape(5, -1))
-    assert shares(inner) == pytest.approx(np.linspace(0.0, 1.0, inner + 2)[1:-1])
+    assert inner_shares(inner) == pytest.approx(np.linspace(0.0, 1.0, inner + 2)[1:-1])
 
 
 @pytest.mark.parametrize(("inner", "degree"), [(1, 3), (3, 5)])
