@@ -42,9 +42,7 @@ ELSEWHERE = {
         f"planner.plan.solvers.{name}" for name in ("arcpath", "scurve_blocks", "scurve_search")
     ),
     "plan/solvers/test_accelerations.py": ("planner.plan.solvers.acceleration_kernels",),
-    "plan/test_bounds.py": tuple(
-        f"planner.plan.dual.{name}" for name in ("method", "method_kernels", "problem", "terms")
-    ),
+    "plan/test_bounds.py": tuple(f"planner.plan.dual.{name}" for name in ("problem", "terms")),
     "plan/test_knots.py": ("planner.plan.slow",),
     "plan/test_plan.py": ("planner.plan.chord_errors",),
     "plan/test_refine.py": ("planner.plan.stage",),

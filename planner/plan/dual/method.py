@@ -27,11 +27,11 @@ from __future__ import annotations
 
 from copy import deepcopy
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.compiled import core
 from planner.types import FloatArray
 
 _TOLERANCE = 3e-6
@@ -46,18 +46,18 @@ _MAX_FALL = 0.9
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Arrays of one section in its own units of length and time (layout: see ``method_kernels.py``).
+    """Arrays of one section in its own units of length and time (layout: see ``dual.h``).
 
     Attributes
     ----------
-    first : (n - 1,) int array
-        First point of each cell; -1 for empty cells, which are atoms.
+    place : (n - 1,) int array
+        Which block of points a cell has; -1 for empty cells, which are atoms.
     axes : (int, int)
         Number of jerk and of acceleration limits.
-    weight, cap, guess : (p,) arrays
+    weight, cap, guess : (blocks, 4) arrays
         Quadrature weights, largest x, and about the x of a plan.
-    quadratic (p, 3), linear (p, 2), rows (p, local) : arrays
-        Values of the B-splines, and the row of g.
+    quadratic (blocks, 3, 4), linear (blocks, 2, 4), rows (blocks, 4, local) : arrays
+        Values of the B-splines, and the rows of g.
     atom_rows (n - 1, local), atom_caps (n - 1,) : arrays
         Of the empty cells.
     known : array
@@ -70,7 +70,7 @@ class Problem:
         Row of G there, and its cap; None where the path does not close.
     """
 
-    first: NDArray[np.int64]
+    place: NDArray[np.int64]
     axes: tuple[int, int]
     weight: FloatArray
     cap: FloatArray
@@ -86,14 +86,20 @@ class Problem:
     seam_row: FloatArray | None = None
     seam_cap: float = 0.0
 
+    @property
+    def structure(self) -> tuple[int | FloatArray | NDArray[np.int64], ...]:
+        """What every function of the compiled method begins with."""
+        points = self.weight, self.cap, self.quadratic, self.linear, self.rows
+        return (self.place.size, *self.axes, self.place, *points, self.atom_rows, self.atom_caps)
+
 
 class Iterates:
     """Where the method is: everything at the points, the atoms, theta; and a copy of where it came through."""
 
     def __init__(self, problem: Problem) -> None:
         jerks, accelerations = problem.axes
-        count = problem.cap.size
-        self.points = np.zeros((count, 5 + 3 * (jerks + accelerations)))
+        blocks, points = problem.cap.shape
+        self.points = np.zeros((blocks, 5 + 3 * (jerks + accelerations), points))
         x = np.minimum(_INSIDE * problem.guess, 0.5 * problem.cap)
         root = x**-0.5
         y = _ROOM * root
@@ -104,7 +110,7 @@ class Iterates:
             bound = y if c < jerks else 1.0
             self.points[:, 6 + 3 * c] = self.points[:, 7 + 3 * c] = share / bound
         mean = float(np.sum(problem.weight * share) / np.sum(problem.weight))
-        self.atoms = np.ones((problem.first.size, 3))
+        self.atoms = np.ones((problem.place.size, 3))
         self.atoms[:, 0] = 0.5 * problem.atom_caps
         self.atoms[:, 1] = self.atoms[:, 2] = mean / self.atoms[:, 0]
         self.seam = np.array([0.5 * problem.seam_cap, 0.0, 0.0])
@@ -114,7 +120,7 @@ class Iterates:
         self.waypoint: Iterates | None = None
         self.time = float(np.sum(problem.weight * y))
         constraints = 2 + 2 * (jerks + accelerations)
-        single = 2.0 * (float(np.sum(problem.first < 0)) + (problem.seam_row is not None))
+        single = 2.0 * (float(np.sum(problem.place < 0)) + (problem.seam_row is not None))
         self.count = constraints * float(problem.weight.sum()) + single
         self.gap = constraints * float(np.sum(problem.weight * share)) + single * mean
 
@@ -122,12 +128,10 @@ class Iterates:
 class _Newton:
     """The linear system of one iteration: a banded factor, bordered where a path closes."""
 
-    def __init__(self, problem: Problem, state: Iterates, reduced: FloatArray, band: FloatArray) -> None:
-        from planner.plan.dual import method_kernels as kernels
-
-        self.problem, self.band = problem, band
-        kernels.assemble(*_structure(problem), state.points, state.atoms, reduced, band)
-        self.regular = kernels.factor_multipliers(problem.fixed, band) > 0.0
+    def __init__(self, problem: Problem, state: Iterates, work: _Passes) -> None:
+        self.work = work
+        work.assemble()
+        self.regular = work.factor() > 0.0
         if not self.regular:
             return
         self.border = problem.seam
@@ -141,11 +145,9 @@ class _Newton:
             self.inner = self.border @ self.responses.T + np.diag(stiff)
 
     def _solve(self, b: FloatArray) -> FloatArray:
-        from planner.plan.dual import method_kernels as kernels
-
-        out = np.array(b)
-        kernels.solve_multipliers(self.band, self.problem.fixed, out)
-        return out
+        self.work.b[:] = b
+        self.work.solve()
+        return self.work.b.copy()
 
     def theta(self, b: FloatArray) -> FloatArray:
         """Solve (S + r r^T / h) theta = b with the seam's conditions, by the Schur complement of their prices."""
@@ -155,14 +157,6 @@ class _Newton:
         return found
 
 
-def _structure(problem: Problem) -> tuple[Any, Any, Any]:
-    return (
-        (problem.first, *problem.axes),
-        (problem.weight, problem.cap, problem.quadratic, problem.linear, problem.rows),
-        (problem.atom_rows, problem.atom_caps),
-    )
-
-
 def best_multipliers(problem: Problem, planned: float, start: Iterates | None = None) -> Iterates:
     """Find the best multipliers ``theta``; any are valid, so it stops where it cannot go on.
 
@@ -170,7 +164,8 @@ def best_multipliers(problem: Problem, planned: float, start: Iterates | None = 
     units): where the bound cannot come close to the plan, its last digits say nothing.  ``start`` is a waypoint of the same
     problem but for its margins.
     """
-    state, work = start or Iterates(problem), _Scratch(problem)
+    state = start or Iterates(problem)
+    work = _Passes(problem, state)
     gaps = [np.inf] * _PATIENCE
     for _ in range(_MAX_ITERATIONS):
         if not _iterate(problem, state, work):
@@ -184,26 +179,32 @@ def best_multipliers(problem: Problem, planned: float, start: Iterates | None = 
     return state
 
 
-class _Scratch:
-    """Arrays that every iteration writes to."""
+class _Passes:
+    """Arrays that every iteration writes to, and the compiled passes over them."""
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: Problem, state: Iterates) -> None:
         jerks, accelerations = problem.axes
-        count = problem.cap.size
-        self.reduced = np.empty((count, 5 + 2 * jerks + accelerations))
-        self.band = np.empty((problem.known.size, problem.rows.shape[1]))
-        self.step = np.zeros((count, 5 + 3 * (jerks + accelerations)))
-        self.atoms = np.zeros((problem.first.size, 3))
+        (blocks, points), unknowns, local = problem.cap.shape, problem.known.size, problem.rows.shape[-1]
+        reduced = np.empty((blocks, 5 + 2 * jerks + accelerations, points))
+        band, scratch = np.empty((unknowns, local)), np.empty((points, local))
+        self.last = np.zeros_like(state.points), np.zeros_like(state.atoms)  # steps at the points and of the atoms
         self.seam = np.zeros(3)
-        self.b = np.empty(problem.known.size)
-        self.out = np.zeros(7)
+        self.b, self.theta, self.out = np.empty(unknowns), np.empty(unknowns), np.zeros(7)
+        self.control = np.zeros(4)  # target, corrector, lengths of the primal and the dual step
+        s, now, held = problem.structure, (state.points, state.atoms), (problem.fixed.size, problem.fixed)
+        self.assemble = core.method_assemble.bind(*s, *now, unknowns, reduced, band, scratch)
+        self.factor = core.method_factor.bind(unknowns, local, *held, band)
+        self.solve = core.method_solve.bind(unknowns, local, *held, band, self.b)
+        self.right_side = core.method_right_side.bind(
+            *s, *now, *self.last, self.control, unknowns, reduced, self.b, scratch
+        )
+        self.steps = core.method_steps.bind(*s, *now, self.theta, self.control, reduced, *self.last, self.out)
+        self.take_step = core.method_take_step.bind(*s, self.control, *self.last, *now, self.out)
 
 
-def _iterate(problem: Problem, state: Iterates, work: _Scratch) -> bool:
+def _iterate(problem: Problem, state: Iterates, work: _Passes) -> bool:
     """One predictor-corrector step; False where the system is singular or the step length vanishes."""
-    from planner.plan.dual import method_kernels as kernels
-
-    newton = _Newton(problem, state, work.reduced, work.band)
+    newton = _Newton(problem, state, work)
     if not newton.regular:
         return False
     _direction(problem, state, work, newton, 0.0, 0.0)
@@ -220,23 +221,19 @@ def _iterate(problem: Problem, state: Iterates, work: _Scratch) -> bool:
     state.theta = state.theta + dual * (theta - state.theta)
     state.seam[0] += primal * work.seam[0]
     state.seam[1:] += dual * work.seam[1:]
-    kernels.take_step(
-        *_structure(problem), primal, dual, work.step, work.atoms, state.points, state.atoms, work.out[:2]
-    )
+    work.control[2:] = primal, dual
+    work.take_step()
     x, low, high = state.seam
     state.gap, state.time = float(work.out[0] + x * low + (problem.seam_cap - x) * high), float(work.out[1])
     return True
 
 
 def _direction(
-    problem: Problem, state: Iterates, work: _Scratch, newton: _Newton, target: float, corrector: float
+    problem: Problem, state: Iterates, work: _Passes, newton: _Newton, target: float, corrector: float
 ) -> FloatArray:
     """New theta for a target of the products, and the steps that belong to it."""
-    from planner.plan.dual import method_kernels as kernels
-
-    structure = _structure(problem)
-    now = (state.points, state.atoms)
-    kernels.right_side(*structure, *now, work.step, work.atoms, target, corrector, work.reduced, work.b)
+    work.control[:2] = target, corrector
+    work.right_side()
     b = work.b + problem.known
     row, (x, low, high) = problem.seam_row, state.seam
     room = problem.seam_cap - x
@@ -246,7 +243,8 @@ def _direction(
         stiff = low / x + high / room
         b += row * (x - (t2 / room - t1 / x) / stiff)
     theta = newton.theta(b)
-    kernels.steps(*structure, *now, theta, target, corrector, work.reduced, work.step, work.atoms, work.out)
+    work.theta[:] = theta
+    work.steps()
     if row is not None:
         dx = -(float(row @ theta) + t2 / room - t1 / x) / stiff
         work.seam[:] = dx, (t1 - low * dx) / x - low, (t2 + high * dx) / room - high

@@ -132,20 +132,20 @@ def problem_of(track: Track, pace: Pace, margin: FloatArray, *, periodic: bool) 
     x = _squared_rate(track, pace, k, r) / per_x
     cap = np.minimum(at.cap / per_x, _MAX_RANGE * x)
     count = (track.sigma.size + 1) * width
-    first = np.full(h.size, -1, dtype=np.int64)
-    first[full] = nodes * np.arange(full.size)
+    place = np.full(h.size, -1, dtype=np.int64)
+    place[full] = np.arange(full.size)
     atoms, caps = _atoms(track, of, length, tau)
     known, fixed, seam, seam_row, seam_cap = _conditions(track, of, length, tau, periodic)
-    weight = (RULE_WEIGHTS * h[full][:, None] / length).reshape(-1)
+    block = full.size, nodes
     problem = Problem(
-        first,
+        place,
         (jerks, of.acceleration.size),
-        weight,
-        cap,
-        np.minimum(x, cap),
-        np.ascontiguousarray((basis[0] * margin[k]).T),
-        np.ascontiguousarray(linear.T),
-        rows,
+        RULE_WEIGHTS * h[full][:, None] / length,
+        cap.reshape(block),
+        np.minimum(x, cap).reshape(block),
+        np.ascontiguousarray((basis[0] * margin[k]).reshape(3, *block).swapaxes(0, 1)),
+        np.ascontiguousarray(linear.reshape(2, *block).swapaxes(0, 1)),
+        rows.reshape(*block, -1),
         atoms,
         caps,
         known,
