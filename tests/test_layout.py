@@ -41,7 +41,6 @@ ELSEWHERE = {
     "plan/solvers/test_scurve.py": tuple(
         f"planner.plan.solvers.{name}" for name in ("arcpath", "scurve_blocks", "scurve_search")
     ),
-    "plan/solvers/test_accelerations.py": ("planner.plan.solvers.acceleration_kernels",),
     "plan/test_bounds.py": tuple(f"planner.plan.dual.{name}" for name in ("problem", "terms")),
     "plan/test_knots.py": ("planner.plan.slow",),
     "plan/test_plan.py": ("planner.plan.chord_errors",),

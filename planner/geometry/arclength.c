@@ -2,7 +2,7 @@
 
 #include "planner/geometry/curve_inline.h"
 
-/* Newton on a Chebyshev panel converges in 3-5 passes; bisection, which takes over where it leaves the bracket, in 60. */
+/* Newton converges in 3-5 passes; bisection, which takes over where it leaves the bracket, in 60. */
 #define MAX_PASSES 100
 #define CLOSE 4e-16 /* of the panel's half: rounding */
 
@@ -37,8 +37,8 @@ void arclength_at(int64_t panels, int64_t terms, const double *edges, const doub
     }
 }
 
-/* Place x in [-1, 1] of a panel at which its length is the target, of a positive total: Newton, with bisection where that
- * leaves the bracket. */
+/* Place x in [-1, 1] of a panel at which its length is the target, of a positive total: Newton, with bisection where
+ * that leaves the bracket. */
 static double place_of_length(int64_t terms, int64_t speed_terms, const double *series, const double *speeds,
                               double half, double target, double total)
 {

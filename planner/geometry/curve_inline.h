@@ -1,9 +1,10 @@
 /* A curve as polynomial pieces, for compiled code that evaluates it at one point after another.
  *
- * Pieces (m of them) are plain arrays: breaks (m + 1), coefficients (m, d + 1, terms) and origin (m, d).  On piece i, with the
- * local parameter w = (u - breaks[i]) / (breaks[i + 1] - breaks[i]) in [0, 1], coordinate j is origin[i, j] and the ratio of
- * two polynomials in w, coefficients[i, j, :] over coefficients[i, d, :] (ascending powers).  Where the curve is polynomial the
- * denominator is not looked at.  resting (m, d) says which coordinates have one value all over a piece.
+ * Pieces (m of them) are plain arrays: breaks (m + 1), coefficients (m, d + 1, terms) and origin (m, d).  On piece i,
+ * with the local parameter w = (u - breaks[i]) / (breaks[i + 1] - breaks[i]) in [0, 1], coordinate j is origin[i, j]
+ * and the ratio of two polynomials in w, coefficients[i, j, :] over coefficients[i, d, :] (ascending powers).  Where
+ * the curve is polynomial the denominator is not looked at.  resting (m, d) says which coordinates have one value all
+ * over a piece.
  *
  * A denominator that underflows to 0 gives inf or nan, which the curve's own validation finds.
  */
@@ -24,8 +25,8 @@ typedef struct {
     double c0, c1, c2, c3;
 } Taylor;
 
-/* Index i with breaks[i] <= u < breaks[i + 1] (left: breaks[i] < u <= breaks[i + 1]), trying guess first; the first or the
- * last of the count pieces beyond the ends. */
+/* Index i with breaks[i] <= u < breaks[i + 1] (left: breaks[i] < u <= breaks[i + 1]), trying guess first; the first or
+ * the last of the count pieces beyond the ends. */
 static inline int64_t find_piece(int64_t count, const double *breaks, double u, int left, int64_t guess)
 {
     if (0 <= guess && guess < count) {
@@ -57,8 +58,8 @@ static inline Taylor expand(const double *coefficients, int64_t terms, double w)
     return b;
 }
 
-/* Write the derivatives 0..order (at most 3) of the curve at one parameter, the k-th from out[k * stride] on; returns the
- * piece, to be tried first next.
+/* Write the derivatives 0..order (at most 3) of the curve at one parameter, the k-th from out[k * stride] on; returns
+ * the piece, to be tried first next.
  *
  * After Horner on each coordinate the quotient rule: with numerator N, denominator D, C = N/D from the origin and the
  * coefficients N_k = N^(k)/k!,  D C_k = N_k - sum_{i=1..k} D_i C_(k-i). */

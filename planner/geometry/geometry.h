@@ -4,19 +4,20 @@
 
 #include <stdint.h>
 
-/* Write the derivatives 0..order (at most 3) of a curve at u (n) into out (order + 1, n, dim), from the left where left (n)
- * says so.  Pieces: breaks (pieces + 1), coefficients (pieces, dim + 1, terms), resting and origin (pieces, dim). */
+/* Write the derivatives 0..order (at most 3) of a curve at u (n) into out (order + 1, n, dim), from the left where
+ * left (n) says so.  Pieces: breaks (pieces + 1), coefficients (pieces, dim + 1, terms), resting and origin (pieces,
+ * dim). */
 void curve_evaluate(int64_t pieces, int64_t dim, int64_t terms, const double *breaks, const double *coefficients,
                     int64_t rational, const uint8_t *resting, const double *origin, int64_t n, const double *u,
                     const uint8_t *left, int64_t order, double *out);
 
-/* Write the arc length at every u (n) into out (n).  Panels: edges and lengths (panels + 1), and the Chebyshev series (panels,
- * terms) of the length since a panel's left edge. */
+/* Write the arc length at every u (n) into out (n).  Panels: edges and lengths (panels + 1), and the Chebyshev series
+ * (panels, terms) of the length since a panel's left edge. */
 void arclength_at(int64_t panels, int64_t terms, const double *edges, const double *lengths, const double *series,
                   int64_t n, const double *u, double *out);
 
-/* Write the parameter at every arc length s (n) into out (n); where the curve rests the last (left: the first) that has it.
- * Panels as above, with the Chebyshev series of the speed (panels, speed_terms). */
+/* Write the parameter at every arc length s (n) into out (n); where the curve rests the last (left: the first) that
+ * has it. Panels as above, with the Chebyshev series of the speed (panels, speed_terms). */
 void arclength_inverse(int64_t panels, int64_t terms, int64_t speed_terms, const double *edges, const double *lengths,
                        const double *series, const double *speeds, int64_t n, const double *s, int64_t left,
                        double *out);

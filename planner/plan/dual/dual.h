@@ -6,50 +6,55 @@
 
 /* Loops of the primal-dual method in method.py, which explains them.
  *
- * A cell is an interval between neighbouring knots, empty ones included; cell k has the local unknowns theta[k * width] to
- * theta[k * width + local - 1], where width = jerks + accelerations: the l and the m of the control values k and k + 1, and the
- * l of k + 2, so local = 2 * width + jerks.  An empty cell is an atom (place[k] < 0); the others have 4 points each, whose
- * numbers stand side by side in block place[k] of the arrays of points.  Every function begins with the structure:
+ * A cell is an interval between neighbouring knots, empty ones included; cell k has the local unknowns theta[k * width]
+ * to theta[k * width + local - 1], where width = jerks + accelerations: the l and the m of the control values k and
+ * k + 1, and the l of k + 2, so local = 2 * width + jerks.  An empty cell is an atom (place[k] < 0); the others have 4
+ * points each, whose numbers stand side by side in block place[k] of the arrays of points.
  *
- *     cells, jerks, accelerations, place (cells);
- *     of the points: weight of the quadrature and cap of x (blocks, 4), quadratic (blocks, 3, 4) and linear (blocks, 2, 4)
- *     B-splines, margins included, and rows (blocks, 4, local) of g;
- *     of the empty cells: atom_rows (cells, local) of G, atom_caps (cells) of x;
+ * Every function begins with the structure:
+ *
+ *     cells, jerks, accelerations, place (cells)
+ *     weight, cap (blocks, 4)      of the quadrature, and of x
+ *     quadratic (blocks, 3, 4)     values of the three quadratic B-splines, margins included
+ *     linear (blocks, 2, 4)        values of the two linear ones
+ *     rows (blocks, 4, local)      of g
+ *     atom_rows (cells, local), atom_caps (cells)     of the empty cells: G, and largest x
  *
  * and goes on with what it needs of
  *
- *     state, step (blocks, 5 + 3 width, 4): y, x, t, v, mu; e, lam1, lam2 of each l; u, nu1, nu2 of each m
- *     atom_state, atom_step (cells, 3): x, lower and upper multiplier
- *     reduced (blocks, 5 + 2 jerks + accelerations, 4): M_yy, M_yx, M_xx, two of the last right side; 1/k and d of each l;
- *     1/k_u of each m
- *     control (4): target of the products, what of the products of the last steps is taken off; step lengths primal and dual
- *     scratch (4, local): whatever was there is lost
+ *     state, step (blocks, 5 + 3 width, 4)     y, x, t, v, mu; e, lam1, lam2 of each l; u, nu1, nu2 of each m
+ *     atom_state, atom_step (cells, 3)         x, lower and upper multiplier
+ *     reduced (blocks, 5 + 2 jerks + accelerations, 4)     M_yy, M_yx, M_xx, two of the last right side; 1/k and d of
+ *                                              each l; 1/k_u of each m
+ *     control (4)                              target of the products, share of the last steps' products that is taken
+ *                                              off it, lengths of the primal and of the dual step
+ *     scratch (4, local)                       whatever was there is lost
  */
 
-/* Eliminate everything but theta: writes reduced (but for the right side) and the band (unknowns, local) of S, whose row i holds
- * S[i, i] to S[i, i + local - 1]. */
+/* Eliminate everything but theta: writes reduced (but for the right side) and the band (unknowns, local) of S, whose
+ * row i holds S[i, i] to S[i, i + local - 1]. */
 void method_assemble(int64_t cells, int64_t jerks, int64_t accelerations, const int64_t *place, const double *weight,
                      const double *cap, const double *quadratic, const double *linear, const double *rows,
                      const double *atom_rows, const double *atom_caps, const double *state, const double *atom_state,
                      int64_t unknowns, double *reduced, double *band, double *scratch);
 
-/* Cholesky factor of the band (count, local) in place, the unknowns fixed (held, increasing) kept at 0; the diagonal becomes its
- * inverse.  Returns the smallest pivot; where one is not positive, -1 at once. */
+/* Cholesky factor of the band (count, local) in place, the unknowns fixed (held, increasing) kept at 0; the diagonal
+ * becomes its inverse.  Returns the smallest pivot; where one is not positive, -1 at once. */
 double method_factor(int64_t count, int64_t local, int64_t held, const int64_t *fixed, double *band);
 
 /* Solve with the factor, b (count) in place; 0 at the fixed unknowns. */
 void method_solve(int64_t count, int64_t local, int64_t held, const int64_t *fixed, const double *band, double *b);
 
-/* Write the sum of omega D^T (z + dz0) over points and atoms into out (unknowns), dz0 the steps at theta = 0; and two columns of
- * reduced. */
+/* Write the sum of omega D^T (z + dz0) over points and atoms into out (unknowns), dz0 the steps at theta = 0; and two
+ * columns of reduced. */
 void method_right_side(int64_t cells, int64_t jerks, int64_t accelerations, const int64_t *place, const double *weight,
                        const double *cap, const double *quadratic, const double *linear, const double *rows,
                        const double *atom_rows, const double *atom_caps, const double *state,
                        const double *atom_state, const double *step, const double *atom_step, const double *control,
                        int64_t unknowns, double *reduced, double *out, double *scratch);
 
-/* Replace the steps by those that belong to the new theta (unknowns); writes what the driver needs to know into out (7).
- * 0: largest relative fall of a slack, 1: of a multiplier, 2: of x; 3 to 5: sums over omega of s dl, ds l, ds dl; 6: of dy. */
+/* Replace the steps by those that belong to the new theta (unknowns); writes what the driver needs to know into out (7):
+ * largest relative fall of a slack, of a multiplier, of x; sums over omega of s dl, ds l, ds dl, and of dy. */
 void method_steps(int64_t cells, int64_t jerks, int64_t accelerations, const int64_t *place, const double *weight,
                   const double *cap, const double *quadratic, const double *linear, const double *rows,
                   const double *atom_rows, const double *atom_caps, const double *state, const double *atom_state,

@@ -110,8 +110,8 @@ typedef struct {
     double s_dl[RULE], ds_l[RULE], ds_dl[RULE];
 } Products;
 
-/* Replace the steps of limited values z, |z| <= bound, and of their multipliers: rows z, low, high of the state and of the
- * steps.  dz = drift - (force + right sides over the slacks) / stiffness. */
+/* Replace the steps of limited values z, |z| <= bound, and of their multipliers: rows z, low, high of the state and of
+ * the steps.  dz = drift - (force + right sides over the slacks) / stiffness. */
 static inline void replace_limited(double target, double corrector, const double *bound, const double *dbound_before,
                                    const double *dbound, const double *drift, const double *force,
                                    const double *inverse, const double *restrict z, double *restrict step,

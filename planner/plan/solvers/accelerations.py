@@ -23,6 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.compiled import core
 from planner.errors import InfeasibleError, SolverError
 from planner.law import TimeLaw
 from planner.machine.feed_limits import COMMANDS, command_kind
@@ -113,12 +114,11 @@ class _SpeedGrid:
 
     def led(self) -> tuple[_SpeedGrid, FloatArray]:
         """Solve, and let the accelerations lean along the rows that they follow as long as that saves time."""
-        from planner.plan.solvers.acceleration_kernels import follow_rows
-
         best, x = self, self.solve()
         for _ in range(_MAX_LEANS if x.size else 0):
             lean = np.empty_like(self.lean)
-            follow_rows(self._tight_rows(), self.rows.bounds, self.offset, x, best.lean, lean)
+            rows, bounds, size = self._tight_rows()
+            core.accelerations_follow_rows(*size, rows, bounds, self.offset, x, best.lean, lean)
             stage = replace(self, lean=lean)
             again = stage.solve()
             if again.size == 0:
@@ -144,33 +144,32 @@ class _SpeedGrid:
         """Largest x (n, p) by all speed limits, tightened."""
         return np.asarray(np.min(list(self.speeds.values()), axis=0) / self.margin[0][:, None] ** 2)
 
-    def _tight_rows(self) -> FloatArray:
-        """Coefficients of the rows, tightened."""
-        return np.ascontiguousarray(self.rows.r * self.margin[1][:, None])
+    def _tight_rows(self) -> tuple[FloatArray, FloatArray, tuple[int, int, int]]:
+        """Coefficients of the rows, tightened; their bounds; numbers of rows, intervals and points of each."""
+        rows = np.ascontiguousarray(self.rows.r * self.margin[1][:, None])
+        return rows, self.rows.bounds, (rows.shape[0], *self.offset.shape)
 
     def _passes(self, cap: FloatArray, start: float, end: float, below: float = 0.0) -> FloatArray:
-        from planner.plan.solvers.acceleration_kernels import controllable, fastest
-
         reach, x = np.empty((2, self.y.size)), np.empty(self.y.size)
-        rows = self._tight_rows()
-        controllable(rows, self.rows.bounds, cap, self.offset, self.lean, end * (1.0 - below), end, reach)
+        rows, bounds, size = self._tight_rows()
+        stage = *size, rows, bounds, cap, self.offset, self.lean
+        core.accelerations_controllable(*stage, end * (1.0 - below), end, reach)
         least, largest = reach[:, 0]
         if not least * (1.0 - _ATTAINABLE) <= start <= largest * (1.0 + _ATTAINABLE):
             return np.empty(0)
-        fastest(rows, self.rows.bounds, cap, self.offset, self.lean, reach, start, x)
+        core.accelerations_fastest(*stage, reach, start, x)
         return x
 
     def _lap(self, cap: FloatArray) -> FloatArray:
         """Largest x of a closed path: the largest feed at the seam with which a lap can begin and end."""
-        from planner.plan.solvers.acceleration_kernels import controllable, fastest
-
         reach, x = np.empty((2, self.y.size)), np.empty(self.y.size)
-        rows, bounds = self._tight_rows(), self.rows.bounds
+        rows, bounds, size = self._tight_rows()
+        stage = *size, rows, bounds, cap, self.offset, self.lean
         seam = float(min(cap[0, 0], cap[-1, -1]))
         for _ in range(_MAX_LAPS):
-            controllable(rows, bounds, cap, self.offset, self.lean, 0.0, seam, reach)
+            core.accelerations_controllable(*stage, 0.0, seam, reach)
             lap = min(seam, float(reach[1, 0]))
-            fastest(rows, bounds, cap, self.offset, self.lean, reach, lap, x)
+            core.accelerations_fastest(*stage, reach, lap, x)
             lap = min(lap, float(x[-1]))
             if lap >= seam * (1.0 - _ATTAINABLE):
                 break

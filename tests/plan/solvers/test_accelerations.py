@@ -1,5 +1,6 @@
 """Plans without a jerk limit: closed forms, finer grids, and that no limit taken away makes a plan slower."""
 
+import acceleration_reference as reference
 import numpy as np
 import program_blocks
 import pytest
@@ -8,6 +9,7 @@ from program_blocks import program
 from strategies import random_nurbs
 
 from planner import check, load_curve, load_limits, plan_feedrate, read_program
+from planner.compiled import core
 from planner.errors import InfeasibleError
 from planner.geometry.nurbs import NurbsCurve
 from planner.machine.limits import Limits
@@ -209,3 +211,57 @@ def test_a_reserve_is_left_without_a_jerk_limit_too():
     assert 0.99 < share[~after].max() <= 1.0 + 1e-6
     assert 0.75 < share[after].max() <= 0.8 * (1.0 + 1e-2)
     assert profile.duration > plan_feedrate(curve, limits).duration
+
+
+def random_stage(seed):
+    """Rows of 1 to 8 intervals that hold at rest, of two bounds each; some leans, some places where the control has no say."""
+    rng = np.random.default_rng(seed)
+    count, n, points = int(rng.integers(1, 5)), int(rng.integers(1, 9)), int(rng.integers(2, 5))
+    rows = rng.normal(size=(count, 2, n, points))
+    rows *= 10.0 ** rng.integers(-2, 3, size=(count, 1, 1, 1))
+    rows[:, :, rng.integers(n)] *= 0.0 if seed % 3 == 0 else 1.0
+    h = rng.uniform(0.1, 2.0, (n, 1))
+    offset = h * np.linspace(0.0, 1.0, points)
+    offset[:, -1:] = h
+    if seed % 4 == 0:  # at one point the control has no say at all
+        rows[0, 1, -1, 0], rows[0, 0, -1, 0] = 0.0, 1.3
+    cap = rng.uniform(0.1, 5.0, (n, points))
+    lean = np.where(rng.random(n) < 0.5, 0.0, rng.normal(0.0, 0.3, n))
+    return rows, rng.uniform(0.5, 2.0, (count, 2)), cap, offset, lean
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_the_compiled_passes_give_the_bits_of_plain_python(seed):
+    rows, bounds, cap, offset, lean = random_stage(seed)
+    size = rows.shape[0], *offset.shape
+    slowest, fastest = ((0.0, 0.0), (0.0, 1.0), (0.3, 0.4), (4.0, 4.0), (0.0, INF))[seed % 5]
+    ours, theirs, expected, reach = lean.copy(), lean.copy(), np.empty((2, lean.size + 1)), np.empty((2, lean.size + 1))
+    with np.errstate(all="ignore"):
+        reference.controllable(rows, bounds, cap, offset, theirs, slowest, fastest, expected)
+        core.accelerations_controllable(*size, rows, bounds, cap, offset, ours, slowest, fastest, reach)
+        assert np.array_equal(reach, expected, equal_nan=True)
+        assert ours.tobytes() == theirs.tobytes()
+        if np.isnan(reach).any():
+            return
+        law, x = np.empty(lean.size + 1), np.empty(lean.size + 1)
+        reference.fastest(rows, bounds, cap, offset, theirs, expected, expected[1, 0], law)
+        core.accelerations_fastest(*size, rows, bounds, cap, offset, ours, reach, reach[1, 0], x)
+        assert x.tobytes() == law.tobytes()
+        reference.follow_rows(rows, bounds, offset, law, theirs, expected_lean := np.empty_like(lean))
+        core.accelerations_follow_rows(*size, rows, bounds, offset, x, ours, found := np.empty_like(lean))
+        assert found.tobytes() == expected_lean.tobytes()
+
+
+def test_the_stages_hold_what_they_should():
+    """Some can be run through and some not; some laws follow a row."""
+    run, led = 0, 0
+    for seed in range(60):
+        rows, bounds, cap, offset, lean = random_stage(seed)
+        size, reach, x = (rows.shape[0], *offset.shape), np.empty((2, lean.size + 1)), np.empty(lean.size + 1)
+        core.accelerations_controllable(*size, rows, bounds, cap, offset, lean, 0.0, 1.0, reach)
+        if not np.isnan(reach).any():
+            core.accelerations_fastest(*size, rows, bounds, cap, offset, lean, reach, reach[1, 0], x)
+            core.accelerations_follow_rows(*size, rows, bounds, offset, x, lean.copy(), found := np.empty_like(lean))
+            run, led = run + 1, led + bool(found.any())
+    assert run > 20
+    assert led > 5

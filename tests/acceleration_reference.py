@@ -1,29 +1,9 @@
-"""Compiled passes of the time-optimal plan without a jerk limit; see ``accelerations.py``.
-
-Layout: ``rows (m, 2, n, p)``, ``cap (n, p)`` and ``offset (n, p)`` hold, for each of n intervals, p points from its left
-to its right end, both included; ``bounds (m, 2)`` are the sizes of the upper and the lower bound of each row.  With the
-offset w, the length h and the lean d (n,) of an interval, its points have
-
-    x = x_k + 2 w a + 2 d w (1 - w/h),     a + d (1 - 2 w/h)
-
-as x and its half slope, a being the mean of the latter.
-"""
-
-from __future__ import annotations
+"""Passes of the plan without a jerk limit in plain Python: the compiled ones give the same bits."""
 
 import numpy as np
-from numba import njit, types
-
-from planner.geometry.curve_kernels import F64, I64, NOTHING, READ1, READ2, WRITE1, WRITE2
-
-READ4 = types.Array(F64, 4, "C", readonly=True)
-_MAX_STEPS = 200  # of Newton; as many as there are lines at most, but for rounding
-_NEAR_BOUND = 0.98  # of a row's bound, from which on a law is taken to follow it
-_MAX_LEAN = 0.5  # of x / h: x does not bend back within an interval
 
 
-@njit(types.UniTuple(F64, 4)(READ4, READ2, READ2, READ2, I64, F64, F64, F64, F64), cache=True, error_model="numpy")
-def _control_range(rows, bounds, cap, offset, k, lean, x, floor, ceiling):
+def control_range(rows, bounds, cap, offset, k, lean, x, floor, ceiling):
     """Range of a on interval k from x: rows and 0 <= x <= cap at all of its points, and floor <= next x <= ceiling.
 
     Returns its lower and upper end, and how fast each moves with x.
@@ -56,15 +36,14 @@ def _control_range(rows, bounds, cap, offset, k, lean, x, floor, ceiling):
     return low, high, low_slope, high_slope
 
 
-@njit(F64(READ4, READ2, READ2, READ2, I64, F64, F64, F64, F64, F64), cache=True, error_model="numpy")
-def _extreme(rows, bounds, cap, offset, k, lean, x, sign, floor, ceiling):
+def extreme(rows, bounds, cap, offset, k, lean, x, sign, floor, ceiling):
     """Extreme x at the left of interval k from which its right end can be reached: from above (sign 1) or below (-1).
 
     The width of the range of controls is a concave function of x, made of straight lines, so that Newton's iteration from
     outside meets its zero in as many steps as there are lines, at most (Pham and Pham, TOPP-RA, IEEE T-RO 34 (2018)).
     """
-    for _ in range(_MAX_STEPS):
-        low, high, low_slope, high_slope = _control_range(rows, bounds, cap, offset, k, lean, x, floor, ceiling)
+    for _ in range(200):
+        low, high, low_slope, high_slope = control_range(rows, bounds, cap, offset, k, lean, x, floor, ceiling)
         if not low > high:
             return x
         closing = sign * (low_slope - high_slope)
@@ -79,7 +58,6 @@ def _extreme(rows, bounds, cap, offset, k, lean, x, sign, floor, ceiling):
     return x
 
 
-@njit(NOTHING(READ4, READ2, READ2, READ2, WRITE1, F64, F64, WRITE2), cache=True, error_model="numpy")
 def controllable(rows, bounds, cap, offset, lean, slowest, fastest, out):
     """Write the least and the largest x (2, n + 1) from which an x within ``slowest`` and ``fastest`` can end the section.
 
@@ -99,28 +77,26 @@ def controllable(rows, bounds, cap, offset, lean, slowest, fastest, out):
                     lean[k] = 0.0
                     top = min(top, bounds[r, 0] / alpha if alpha > 0.0 else -bounds[r, 1] / alpha)
         if lean[k] != 0.0:
-            low, high, _, _ = _control_range(rows, bounds, cap, offset, k, lean[k], 0.0, 0.0, ceiling)
+            low, high, _, _ = control_range(rows, bounds, cap, offset, k, lean[k], 0.0, 0.0, ceiling)
             if not low <= high:
                 lean[k] = 0.0
-        out[1, k] = _extreme(rows, bounds, cap, offset, k, lean[k], top, 1.0, floor, ceiling)
-        out[0, k] = _extreme(rows, bounds, cap, offset, k, lean[k], 0.0, -1.0, floor, ceiling) if floor > 0.0 else 0.0
+        out[1, k] = extreme(rows, bounds, cap, offset, k, lean[k], top, 1.0, floor, ceiling)
+        out[0, k] = extreme(rows, bounds, cap, offset, k, lean[k], 0.0, -1.0, floor, ceiling) if floor > 0.0 else 0.0
         if not out[0, k] <= out[1, k] * (1.0 + 1e-12):
             out[:, : k + 1] = np.nan
             return
 
 
-@njit(NOTHING(READ4, READ2, READ2, READ2, READ1, READ2, F64, WRITE1), cache=True, error_model="numpy")
 def fastest(rows, bounds, cap, offset, lean, reach, start, x):
     """Write the largest x (n + 1,) that can be reached from x = ``start`` within the controllable range ``reach``."""
     n = offset.shape[0]
     x[0] = start
     for k in range(n):
-        _, high, _, _ = _control_range(rows, bounds, cap, offset, k, lean[k], x[k], reach[0, k + 1], reach[1, k + 1])
+        _, high, _, _ = control_range(rows, bounds, cap, offset, k, lean[k], x[k], reach[0, k + 1], reach[1, k + 1])
         following = x[k] + 2.0 * offset[k, offset.shape[1] - 1] * high
         x[k + 1] = min(max(following, reach[0, k + 1]), reach[1, k + 1])
 
 
-@njit(NOTHING(READ4, READ2, READ2, READ1, READ1, WRITE1), cache=True, error_model="numpy")
 def follow_rows(rows, bounds, offset, x, lean, out):
     """Write the lean of each interval that follows the row nearest to its bound there, given a law x (n + 1,).
 
@@ -133,7 +109,7 @@ def follow_rows(rows, bounds, offset, x, lean, out):
         out[k] = 0.0
         if not (x[k] > 0.0 and x[k + 1] > 0.0):
             continue
-        nearest, which, bound = _NEAR_BOUND, -1, 1.0
+        nearest, which, bound = 0.98, -1, 1.0
         for r in range(rows.shape[0]):
             for p in range(last + 1):
                 w = offset[k, p]
@@ -146,5 +122,5 @@ def follow_rows(rows, bounds, offset, x, lean, out):
             continue
         first = (bound - rows[which, 0, k, 0] * x[k]) / rows[which, 1, k, 0]
         second = (bound - rows[which, 0, k, last] * x[k + 1]) / rows[which, 1, k, last]
-        most = _MAX_LEAN * min(x[k], x[k + 1]) / h
+        most = 0.5 * min(x[k], x[k + 1]) / h
         out[k] = min(max(0.5 * (first - second), -most), most)
