@@ -26,7 +26,6 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.interpolator import environment
-from interp.literature import classic_kernels as kernels
 from interp.literature.feedshapes import (
     FILTERS,
     SHAPES,
@@ -40,6 +39,7 @@ from interp.literature.lookahead import PAPER_LIMITS, AdaptiveLimits, AdaptiveRu
 from interp.literature.servo import Tracking, contour_error, track
 from interp.taylor import packed_curve
 from planner import load_curve
+from planner.compiled import core
 from planner.errors import InputError
 from planner.files.whole_file import require_writable, whole_file
 from planner.geometry.curve import Curve
@@ -186,6 +186,7 @@ def median_ns(once: Callable[[], object], steps: int) -> float:
 def step_times(curve: Curve) -> tuple[list[StepTime], float]:
     """Feed shape and interpolation of a step, and the servo loops of both axes, ns."""
     pieces = packed_curve(curve)
+    sizes = curve.dim, *pieces.shape[1:]
     rows = []
     for order, published in PUBLISHED_US.items():
         for kind, us in zip(SHAPES, published, strict=True):
@@ -193,10 +194,10 @@ def step_times(curve: Curve) -> tuple[list[StepTime], float]:
             count = run.samples.u.size
             u, feed, acceleration = np.zeros(count), np.empty(count), np.empty(count)
             numbers = FeedShape(kind, curve.length, FEED, RAMP).array
-            out = u, feed, acceleration, np.empty((count, curve.dim))
+            out = count, u, feed, acceleration, np.empty((count, curve.dim))
 
             def once(order: int = order, numbers: FloatArray = numbers, out: Any = out) -> None:
-                kernels.shaped_run(order, numbers, pieces, CONTROL_PERIOD, curve.domain[1], *out)
+                core.feedshape_run(order, numbers, pieces, *sizes, CONTROL_PERIOD, curve.domain[1], *out)
 
             rows.append(StepTime(order, kind, us, median_ns(once, count)))
     position = shaped(curve, "trapezoid", CONTROL_PERIOD, 2).samples.position

@@ -31,8 +31,8 @@ from rich.table import Table
 
 from benchmarks.cases import drives
 from feedplan.job import load_job
-from interp import InterpolatorTable, TaylorTable, quintic_step, replay, start, taylor_step
-from interp import taylor_kernels as kernels
+from interp import InterpolatorTable, TaylorTable, quintic_step, replay, start, stepping, taylor_step
+from interp.taylor import runner
 from planner import load_curve
 from planner.geometry.curve import Curve
 from planner.machine.limits import Limits
@@ -202,15 +202,13 @@ def loop_times(profile: FeedrateProfile, form: Form, period: float) -> list[floa
     """Time of a step in the compiled loop, ns, one for each repeat; every repeat runs whole plans."""
     table = table_of(profile, form)
     first = start(table, period)
-    count = int(first[kernels.LAST])
+    count = int(first[stepping.LAST])
     u, positions = np.empty(count), np.empty(count * table.dim)
     plans = max(1, STEPS_PER_REPEAT // count)
+    run = runner(table, form.order)
 
     def once() -> None:
-        if form.order == 5:
-            kernels.quintic_run(*table.arrays, first.copy(), u, positions)
-        else:
-            kernels.taylor_run(form.order, *table.arrays, first.copy(), u, positions)
+        run(first.copy(), u, positions)
 
     times = []
     for repeat in range(REPEATS + 1):
@@ -228,7 +226,7 @@ def call_times(profile: FeedrateProfile, form: Form, period: float, calls: int) 
     first = start(table_of(profile, form), period)
     state, taken, clock, order = first.copy(), np.empty(calls, dtype=np.int64), time.perf_counter_ns, form.order
     for n in range(calls):
-        if state[kernels.SAMPLE] >= state[kernels.LAST]:
+        if state[stepping.SAMPLE] >= state[stepping.LAST]:
             state[:] = first
         if order == 5:
             begin = clock()
@@ -280,7 +278,7 @@ def environment() -> dict[str, object]:
     if cpuinfo.exists():
         names = [line.split(":", 1)[1].strip() for line in cpuinfo.read_text().splitlines() if "model name" in line]
         model = names[0] if names else model
-    packages = {name: version(name) for name in ("numpy", "numba", "llvmlite")}
+    packages = {name: version(name) for name in ("numpy",)}
     return {"python": platform.python_version(), **packages, "cpu": model, "cores": os.cpu_count()}
 
 

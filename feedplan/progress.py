@@ -22,7 +22,6 @@ PLAN_KERNELS = (
     "planner.plan.utilisation_kernels",
     "planner.plan.solvers.interior_kernels",
     "planner.verify.motion_kernels",
-    "interp.taylor_kernels",
 )
 
 

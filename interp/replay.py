@@ -110,7 +110,7 @@ def _fill(
     table: InterpolatorTable | TaylorTable, order: int, period: float, first: int, u: FloatArray, position: FloatArray
 ) -> None:
     """Write sample ``first`` and those after it into ``u`` and ``position``."""
-    from interp import taylor_kernels as kernels
+    from interp import stepping
     from interp.taylor import InterpolatorTable, runner, start
 
     run = runner(table, order)
@@ -122,7 +122,7 @@ def _fill(
         for begin in range(0, first, _CHUNK):
             count = min(first - begin, _CHUNK)
             _advance(run, state, scratch[0][:count], scratch[1][:count])
-    u[0], position[0] = state[kernels.U], state[-table.dim :]
+    u[0], position[0] = state[stepping.U], state[-table.dim :]
     _advance(run, state, u[1:], position[1:])
 
 

@@ -9,7 +9,7 @@
 ``quintic_step`` follows the plan itself: at t = k T it evaluates the time law u(t) of the profile and the curve there,
 so no error accumulates.  ``taylor_step`` is the interpolator of the literature, which keeps u and adds to it in every
 period what the plan's feed V(t), acceleration A(t) and jerk J(t) say; its error accumulates, and its last sample jumps
-to the end of the path.  Both read plain arrays and the state only: see ``interp.taylor_kernels`` for the layout.
+to the end of the path.  Both read plain arrays and the state only: see ``interp/interp.h`` for the layout.
 """
 
 from __future__ import annotations
@@ -21,9 +21,10 @@ from math import frexp, isfinite, ldexp
 import numpy as np
 from numpy.typing import NDArray
 
-from interp import taylor_kernels as kernels
+from interp import stepping
 from interp.periods import WHOLE_PERIOD
-from interp.taylor_kernels import quintic_step, taylor_step
+from interp.stepping import State, quintic_step, taylor_step
+from planner.compiled import core
 from planner.errors import InputError
 from planner.geometry.curve import Curve, Pieces
 from planner.inputs import require_instance
@@ -148,7 +149,7 @@ class TaylorTable:
         return self.feed, self.pieces
 
 
-def start(table: InterpolatorTable | TaylorTable, period: float, *, first: int = 0) -> FloatArray:
+def start(table: InterpolatorTable | TaylorTable, period: float, *, first: int = 0) -> State:
     """Return the state at sample ``first``.
 
     Parameters
@@ -162,9 +163,9 @@ def start(table: InterpolatorTable | TaylorTable, period: float, *, first: int =
 
     Returns
     -------
-    (8 + 2 dim,) array
+    (11 + 2 dim,) array
         For ``quintic_step`` or ``taylor_step``.  Sample number, curve parameter and the rest are at the indices
-        ``SAMPLE``, ``U``, ... of ``interp.taylor_kernels``, the position in the last dim places; a copy is a snapshot that
+        ``SAMPLE``, ``U``, ... of ``interp.stepping``, the position in the last dim places; a copy is a snapshot that
         continues identically.
 
     Raises
@@ -179,13 +180,14 @@ def start(table: InterpolatorTable | TaylorTable, period: float, *, first: int =
         raise InputError(f"first = {first!r} must be 0: a Taylor step starts from the parameter of the step before it")
     mantissa, exponent = frexp(period)
     high = ldexp(float(int(mantissa * 2**_PERIOD_BITS)), exponent - _PERIOD_BITS)
-    state = np.zeros(kernels.END + 2 * table.dim)
-    state[kernels.SAMPLE] = max(first - 1, 0)
-    state[kernels.U] = table.u_range[0]
-    state[kernels.PERIOD_HIGH], state[kernels.PERIOD_LOW] = high, period - high
-    state[kernels.LAST] = last
-    state[kernels.U_END] = table.u_range[1]
-    state[kernels.END :] = table.ends[::-1].reshape(-1)
+    state = np.zeros(stepping.END + 2 * table.dim).view(State)
+    state[stepping.SAMPLE] = max(first - 1, 0)
+    state[stepping.U] = table.u_range[0]
+    state[stepping.PERIOD_HIGH], state[stepping.PERIOD_LOW] = high, period - high
+    state[stepping.LAST] = last
+    state[stepping.U_END] = table.u_range[1]
+    state[stepping.DIM], state[stepping.ROWS], state[stepping.POWERS] = table.dim, *table.pieces.shape[1:]
+    state[stepping.END :] = table.ends[::-1].reshape(-1)
     if first > 0 and isinstance(table, InterpolatorTable):
         quintic_step(*table.arrays, state)
     return state
@@ -214,8 +216,8 @@ def runner(table: InterpolatorTable | TaylorTable, order: int) -> PlaceRun:
     """Return the compiled loop of an order: (state, u, flat positions), filled with ``u.size`` steps."""
     arrays = table.arrays
     if isinstance(table, InterpolatorTable):
-        return lambda state, u, positions: kernels.quintic_run(*arrays, state, u, positions)
-    return lambda state, u, positions: kernels.taylor_run(order, *arrays, state, u, positions)
+        return lambda state, u, positions: core.quintic_run(*arrays, state, u.size, u, positions)
+    return lambda state, u, positions: core.taylor_run(order, *arrays, state, u.size, u, positions)
 
 
 def _course(profile: FeedrateProfile) -> tuple[float, tuple[float, float], FloatArray]:
@@ -230,7 +232,7 @@ def packed_curve(curve: Curve) -> FloatArray:
     Returns
     -------
     (m + 1, rows, degree + 1) array
-        *Pieces* of ``interp.taylor_kernels``.
+        *pieces* of ``interp/interp.h``.
     """
     axes, tip = curve.pieces, curve.tip.pieces
     if curve.tip is curve:
@@ -242,7 +244,7 @@ def packed_curve(curve: Curve) -> FloatArray:
 def packed_pieces(
     breaks: FloatArray, axes: FloatArray, tip: FloatArray | None = None, *, rational: bool = True
 ) -> FloatArray:
-    """Lay coefficients (m, dim + 1, degree + 1) of the axes, and of a tip, out as ``interp.taylor_kernels`` reads them.
+    """Lay coefficients (m, dim + 1, degree + 1) of the axes, and of a tip, out as ``interp/interp.h`` has them.
 
     The denominator of the axes is left out where it is 1 and there is no tip behind it.
     """

@@ -57,9 +57,8 @@ NOTE = (
 )
 # Loaded beforehand, so that no method is charged for it.
 _LOADED = (
-    "interp.taylor_kernels",
-    "interp.literature.classic_kernels",
-    "interp.literature.greedy_kernels",
+    "interp.taylor",
+    "interp.literature.greedy",
     "planner.plan.utilisation_kernels",
     "planner.plan",
     "planner.plan.solvers.interior_kernels",

@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from interp.periods import MAX_SAMPLES, WHOLE_PERIOD
+from planner.compiled import core
 from planner.errors import InputError
 from planner.geometry.curve import Curve
 from planner.inputs import coordinates, positive_number, require_instance
@@ -37,6 +38,8 @@ SHAPES: tuple[ShapeName, ...] = get_args(ShapeName)
 FILTERS: tuple[FilterName, ...] = get_args(FilterName)
 # Feeds below this, mm/s, have no meaningful error.
 SLOWEST_FEED = 1.0
+# Time constants in the time of an exponential ramp: 0.7 % of the feed is left then.
+_EXPONENTIAL_RATE = 5.0
 # An exponential filter is followed for as many time constants: what is left of a step is 2e-9 of it.
 _TIME_CONSTANTS_FOLLOWED = 20.0
 
@@ -93,16 +96,15 @@ class FeedShape:
 
     @property
     def array(self) -> FloatArray:
-        """The five numbers that ``interp.literature.classic_kernels`` reads."""
-        return np.array([float(SHAPES.index(self.kind)), self.feed, self.ramp, self.fall, self.duration])
+        """The six numbers that compiled code reads, see ``interp/literature/literature.h``."""
+        rate = _EXPONENTIAL_RATE / self.ramp
+        return np.array([float(SHAPES.index(self.kind)), self.feed, self.ramp, self.fall, self.duration, rate])
 
     def at(self, t: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Feed (mm/s) and acceleration (mm/s^2) at times of any shape; 0 outside, the value after a jump at one."""
-        from interp.literature.classic_kernels import shape_feed
-
         times = coordinates(t, "t")
         feed, acceleration = np.empty(times.size), np.empty(times.size)
-        shape_feed(self.array, np.ascontiguousarray(times.reshape(-1)), feed, acceleration)
+        core.feedshape_feed(self.array, times.size, np.ascontiguousarray(times.reshape(-1)), feed, acceleration)
         return feed.reshape(times.shape), acceleration.reshape(times.shape)
 
 
@@ -247,14 +249,12 @@ def filter_axes(samples: Samples, kind: FilterName, ramp: float) -> FilteredRun:
         raise InputError(f"kind = {kind!r} must be one of {', '.join(FILTERS)}")
     from scipy.signal import lfilter
 
-    from interp.literature.classic_kernels import EXPONENTIAL_RATE
-
     period = samples.period
     if not (isfinite(ramp) and ramp >= period):
         raise InputError(f"ramp = {ramp!r} s must be finite and at least a period, {period!r} s")
     taps = round(ramp / period)
     if kind == "exponential":
-        constant = ramp / EXPONENTIAL_RATE
+        constant = ramp / _EXPONENTIAL_RATE
         left = float(np.exp(-period / constant))
         numerator, denominator = np.array([1.0 - left]), np.array([1.0, -left])
         tail = ceil(_TIME_CONSTANTS_FOLLOWED * constant / period)
@@ -278,13 +278,14 @@ def _count(duration: float, period: float) -> int:
 
 
 def _run(curve: Curve, shape: FloatArray, period: float, order: int, count: int) -> ShapedRun:
-    from interp.literature.classic_kernels import shaped_run
     from interp.taylor import packed_curve
 
     u, feed, acceleration = (np.empty(count + 1) for _ in range(3))
     position = np.empty((count + 1, curve.dim))
     u[0], end = curve.domain
-    shaped_run(order, shape, packed_curve(curve), period, end, u, feed, acceleration, position)
+    pieces = packed_curve(curve)
+    out = u, feed, acceleration, position
+    core.feedshape_run(order, shape, pieces, curve.dim, *pieces.shape[1:], period, end, u.size, *out)
     reached, u[-1] = float(u[-1]), end
     position[[0, -1]] = curve.derivatives(np.array(curve.domain), 0)[0]
     t = period * np.arange(count + 1, dtype=np.float64)

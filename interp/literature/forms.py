@@ -24,11 +24,11 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from interp import taylor_kernels as kernels
-from interp.literature import classic_kernels
+from interp import stepping
 from interp.periods import MAX_SAMPLES
 from interp.replay import replay
 from interp.taylor import InterpolatorTable, TaylorTable, runner, start
+from planner.compiled import core
 from planner.errors import InputError, StalledError
 from planner.geometry.curve import Curve
 from planner.inputs import require_instance
@@ -48,13 +48,15 @@ FormName = Literal[
     "quintic",
 ]
 FORMS: tuple[FormName, ...] = get_args(FormName)
+# Forms as ``form_run`` counts them.
+_TAYLOR_BY_PARAMETER, _RUNGE_KUTTA, _CHORD = 0, 1, 2
 # The compiled form and its order (of the chord: corrections); the others are orders of ``replay``.
 _COMPILED: dict[FormName, tuple[int, int]] = {
-    "RK2": (classic_kernels.RUNGE_KUTTA, 2),
-    "chord": (classic_kernels.CHORD, 2),
-    "Taylor 1 V(u)": (classic_kernels.TAYLOR_BY_PARAMETER, 1),
-    "Taylor 2 V(u)": (classic_kernels.TAYLOR_BY_PARAMETER, 2),
-    "Taylor 3 V(u)": (classic_kernels.TAYLOR_BY_PARAMETER, 3),
+    "RK2": (_RUNGE_KUTTA, 2),
+    "chord": (_CHORD, 2),
+    "Taylor 1 V(u)": (_TAYLOR_BY_PARAMETER, 1),
+    "Taylor 2 V(u)": (_TAYLOR_BY_PARAMETER, 2),
+    "Taylor 3 V(u)": (_TAYLOR_BY_PARAMETER, 3),
 }
 _ORDERS: dict[FormName, int] = {"Taylor 1": 1, "Taylor 2": 2, "Taylor 3": 3, "quintic": 5}
 # A replay with V(u) may take this much longer than the plan, and as many periods.
@@ -67,7 +69,7 @@ class Replayer:
 
     Attributes
     ----------
-    state : (8 + 2 dim,) array
+    state : (11 + 2 dim,) array
         At the first sample; a run works on a copy.
     count : int
         Steps to the plan's last sample.
@@ -127,8 +129,8 @@ def replay_form(curve: Curve, profile: FeedrateProfile, form: FormName, period: 
     u, position = np.empty(replayer.room + 2), np.empty((replayer.room + 2, dim))
     u[0], position[0] = profile.u[0], curve.derivatives(profile.u[0], 0)[0]
     first = 1
-    if state[kernels.SAMPLE] > 0.0:
-        u[1], position[1] = state[kernels.U], state[-dim:]
+    if state[stepping.SAMPLE] > 0.0:
+        u[1], position[1] = state[stepping.U], state[-dim:]
         first = 2
     taken = replayer.run(state, u[first:], position[first:].reshape(-1))
     count = first + taken
@@ -154,7 +156,7 @@ def prepare(profile: FeedrateProfile, form: FormName, period: float) -> Replayer
         order = _ORDERS[form]
         table = InterpolatorTable.from_profile(profile) if order == 5 else TaylorTable.from_profile(profile)
         state = start(table, period)
-        count = int(state[kernels.LAST])
+        count = int(state[stepping.LAST])
         whole = runner(table, order)
 
         def run_all(state: FloatArray, u: FloatArray, positions: FloatArray) -> int:
@@ -166,16 +168,17 @@ def prepare(profile: FeedrateProfile, form: FormName, period: float) -> Replayer
     taylor = TaylorTable.from_profile(profile)
     feed, pieces = taylor.arrays
     state = start(taylor, period)
-    room = count = int(state[kernels.LAST])
+    room = count = int(state[stepping.LAST])
     course = np.empty((0, 7))
-    if which == classic_kernels.TAYLOR_BY_PARAMETER:
+    if which == _TAYLOR_BY_PARAMETER:
         course = _course(InterpolatorTable.from_profile(profile))
         room = ceil(_LATE_SHARE * count) + _LATE_PERIODS
         if profile.feed[0] <= 0.0:
             _take_first(profile, period, pieces, state)
 
     def run(state: FloatArray, u: FloatArray, positions: FloatArray) -> int:
-        return int(classic_kernels.form_run(which, order, feed, course, pieces, profile.duration, state, u, positions))
+        taken = core.form_run(which, order, feed, course, pieces, profile.duration, state, u.size, u, positions)
+        return int(taken)
 
     return Replayer(state, count, room, run)
 
@@ -193,6 +196,6 @@ def _course(table: InterpolatorTable) -> FloatArray:
 def _take_first(profile: FeedrateProfile, period: float, pieces: FloatArray, state: FloatArray) -> None:
     """Go to the plan's first sample after the start, where V(u) is no longer 0."""
     u = float(profile.at(min(period, profile.duration)).u)
-    state[kernels.SAMPLE], state[kernels.U] = 1.0, u
-    state[kernels.PIECE] = min(int(np.searchsorted(pieces[:, 0, 0], u, side="right")) - 1, len(pieces) - 2)
+    state[stepping.SAMPLE], state[stepping.U] = 1.0, u
+    state[stepping.PIECE] = min(int(np.searchsorted(pieces[:, 0, 0], u, side="right")) - 1, len(pieces) - 2)
     state[-profile.curve.dim :] = profile.curve.derivatives(u, 0)[0]

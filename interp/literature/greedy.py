@@ -22,8 +22,9 @@ the tolerance stands in limit 3.  Neither mode looks ahead; what that breaks is 
 Known limitation: the S-curves are functions of u and never reach 0 in a finite time, so a feed of ``min_feed`` enters
 and leaves the path in mode physical.
 
-In rooms of their own: what was printed (``greedy_published``), the arguments (``greedy_setup``), the loop in compiled form
-(``greedy_kernels``), the result (``greedy_run``).
+In rooms of their own: what was printed (``greedy_published``), the arguments (``greedy_setup``), the compiled loops
+(``greedy_compat.c``, ``greedy_physical.c``), the numbers they share with Python (``greedy_layout``), the result
+(``greedy_run``).
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ from typing import NoReturn
 
 import numpy as np
 
+from interp.literature import greedy_layout as k
 from interp.literature.greedy_run import GreedyRun, finish
 from interp.literature.greedy_setup import (
     Braking,
@@ -43,6 +45,7 @@ from interp.literature.greedy_setup import (
     Variant,
     set_up,
 )
+from planner.compiled import core
 from planner.errors import InputError, StalledError
 from planner.geometry.curve import Curve
 from planner.machine.limits import Limits, require_limits
@@ -144,16 +147,17 @@ def greedy(
 
 def _advance(job: GreedySetup, progress: Progress | None) -> tuple[FloatArray, FloatArray]:
     """Run the loop to the end of the curve: parameters in [0, 1] of all points, and the feed of every step."""
-    from interp.literature import greedy_kernels as k
-
     size = _SLOW_CHUNK if job.variant == "theta" and job.algorithm >= 3 else _CHUNK
     state = np.zeros(k.STATE)
     state[k.PLANNED] = job.setting(k.FLOOR)
     parts, feeds, count, code = [np.zeros(1)], [np.empty(0)], 0, k.RUNNING
     while code == k.RUNNING:
         u, feed = np.empty(min(size, job.max_steps - count)), np.empty(min(size, job.max_steps - count))
-        arrays = (job.limits.velocity, job.limits.acceleration, job.settings, state, u, feed)
-        code = k.physical_run(*job.own, *arrays) if job.physical else k.compat_run(*job.own, *job.error, *arrays)
+        rest = job.limits.velocity, job.limits.acceleration, job.settings, state, u.size, u, feed
+        if job.physical:
+            code = core.greedy_physical_run(*job.own, *rest)
+        else:
+            code = core.greedy_compat_run(*job.own, *job.error, *rest)
         done = int(state[k.COUNT])
         parts.append(u[:done])
         feeds.append(feed[:done])
@@ -167,8 +171,6 @@ def _advance(job: GreedySetup, progress: Progress | None) -> tuple[FloatArray, F
 
 def _stall(job: GreedySetup, code: int, state: FloatArray, count: int) -> NoReturn:
     """Raise StalledError with the place, the cause and a remedy."""
-    from interp.literature import greedy_kernels as k
-
     u0, u1 = job.curve.domain
     u, du, speed = (float(state[i]) for i in (k.U, k.DU, k.SPEED))
     span = u1 - u0

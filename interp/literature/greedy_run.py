@@ -7,8 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from interp.literature import greedy_layout as k
 from interp.literature.greedy_published import DEFECTS, printed_count
 from interp.literature.greedy_setup import GreedyMode, GreedySetup, Variant
+from planner.compiled import core
 from planner.errors import InputError
 from planner.geometry.chord import half_chord
 from planner.machine.feed_limits import FeedrateLimits
@@ -149,15 +151,14 @@ class GreedyRun:
 
 def finish(job: GreedySetup, share: FloatArray, driving: FloatArray) -> GreedyRun:
     """From the parameters in [0, 1] to everything that is reported."""
-    from interp.literature import greedy_kernels as k
-
     share = np.minimum(share, 1.0)
     table = np.empty((share.size, k.COLUMNS))
-    before = np.concatenate([[job.setting(k.FLOOR)], driving]) if job.physical else np.empty(0)
-    k.along(*job.own, share, before, job.limits.velocity, job.limits.acceleration, job.settings, table)
+    before = np.concatenate([[job.setting(k.FLOOR)], driving]) if job.physical else None
+    rest = job.limits.velocity, job.limits.acceleration, job.settings, table
+    core.greedy_along(*job.own, share.size, share, before, *rest)
     seen = table[:, k.ERROR].copy()
     if job.error is not job.own:
-        k.chord_errors(*job.error, share, seen)
+        core.greedy_chord_errors(*job.error, share.size, share, seen)
     four = _four_limits(job, table, seen)
     feed, actual, start = _feeds(job, table, four.lowest, driving)
     bound = table[:, k.PUBLISHED_BOUND]
@@ -196,8 +197,6 @@ def _feeds(
     job: GreedySetup, table: FloatArray, limit: FloatArray, driving: FloatArray
 ) -> tuple[FloatArray, FloatArray, float]:
     """Planned feedrate, that which the steps make, and that before the first step."""
-    from interp.literature import greedy_kernels as k
-
     if job.physical:
         feed = np.append(driving, driving[-1])
         return feed, feed, job.setting(k.FLOOR)
@@ -210,8 +209,6 @@ def _feeds(
 
 def _four_limits(job: GreedySetup, table: FloatArray, seen: FloatArray) -> FeedrateLimits:
     """The four feedrate limits; limit 3 from the tolerance, or from the error of the step before as published."""
-    from interp.literature import greedy_kernels as k
-
     count = table.shape[0]
     planned = job.setting(k.PLANNED_FEED) > 0.0
     if not planned:
@@ -226,16 +223,12 @@ def _four_limits(job: GreedySetup, table: FloatArray, seen: FloatArray) -> Feedr
 
 
 def _defects(job: GreedySetup) -> tuple[str, ...]:
-    from interp.literature import greedy_kernels as k
-
     found = [name for name, (argument, published, _) in DEFECTS.items() if job.repaired[argument] == published]
     return tuple(name for name in found if name != "wrong second derivatives" or job.setting(k.WRONG_BEND) > 0.0)
 
 
 def _rows(job: GreedySetup, run: GreedyRun) -> tuple[Violation, ...]:
     """Compare every step with the four limits."""
-    from interp.literature import greedy_kernels as k
-
     limits, period = job.limits, job.limits.period
     # Limit 3 as published is the feed itself and cannot be broken; what Algorithm 4 pushes up is beyond it on purpose,
     # up to the chord error, which has a row of its own.

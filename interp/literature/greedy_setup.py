@@ -10,6 +10,7 @@ from typing import Literal
 
 import numpy as np
 
+from interp.literature import greedy_layout as k
 from interp.literature.greedy_published import DEFECTS, scale_of
 from planner.errors import InputError
 from planner.geometry.curve import Curve
@@ -24,7 +25,8 @@ Variant = Literal["theta", "root"]
 StepFeed = Literal["command", "planned"]
 Formula = Literal["published", "exact"]
 Braking = Literal["strict", "soft"]
-UnitPieces = tuple[FloatArray, FloatArray, bool]  # breaks in [0, 1], coefficients, rational: see ``greedy_kernels``
+# A path as compiled code takes it: breaks in [0, 1], coefficients, numbers of pieces and of powers, rational, axes.
+UnitPieces = tuple[FloatArray, FloatArray, int, int, bool, int]
 
 _SCAN_POINTS = 1000
 _SINGULAR = 1e-12  # of the largest |C'|
@@ -52,7 +54,7 @@ class GreedySetup:
         return self.mode == "physical"
 
     def setting(self, index: int) -> float:
-        """One of ``settings``, by its index in ``greedy_kernels``."""
+        """One of ``settings``, by its index in ``greedy_layout``."""
         return float(self.settings[index])
 
 
@@ -71,8 +73,6 @@ def set_up(
 
     ``switches`` are the arguments of DEFECTS by name, None where left out; ``shape`` is safety, u_rise, u_fall, min_feed.
     """
-    from interp.literature import greedy_kernels as k
-
     if algorithm not in (1, 2, 3, 4) or isinstance(algorithm, bool):
         raise InputError(f"algorithm = {algorithm!r} must be 1, 2, 3 or 4")
     _require_choice("mode", mode, ("compat", "physical"))
@@ -148,10 +148,15 @@ def _path(curve: Curve) -> UnitPieces:
     u0, u1 = curve.domain
     breaks = (pieces.breaks - u0) / (u1 - u0)
     breaks[0], breaks[-1] = 0.0, 1.0
-    return breaks, pieces.powers, pieces.rational
+    return _unit_pieces(breaks, pieces.powers, pieces.rational)
 
 
 def _teardrop() -> UnitPieces:
     """The teardrop as its own polynomials, which is exact, and fast where a back-off takes thousands of trials."""
     x, y, one = [0.0, -150.0, 450.0, -300.0], [0.0, -150.0, 150.0, 0.0], [1.0, 0.0, 0.0, 0.0]
-    return np.array([0.0, 1.0]), np.array([[x, y, one]]), False
+    return _unit_pieces(np.array([0.0, 1.0]), np.array([[x, y, one]]), False)
+
+
+def _unit_pieces(breaks: FloatArray, coefficients: FloatArray, rational: bool) -> UnitPieces:
+    pieces, rows, powers = coefficients.shape
+    return breaks, coefficients, pieces, powers, rational, rows - 1

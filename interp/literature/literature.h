@@ -57,4 +57,34 @@ int64_t lookahead_run(int64_t rule, int64_t order, int64_t count, const double *
                       const double *lengths, const double *pieces, int64_t dim, int64_t rows, int64_t powers,
                       double period, double least, int64_t room, double *u, double *feed, double *positions);
 
+/* ---- Algorithms 1 to 4, 2022 (greedy.py) ----
+
+   A path is breaks (pieces + 1), from 0 to 1, coefficients (pieces, dim + 1, powers), ascending, the last row of a piece its
+   denominator, which is looked at where the path is rational.  velocity, acceleration (dim): limits of the axes, mm/s,
+   mm/s^2.  settings, state, codes and columns: interp/literature/greedy_inline.h. */
+
+/* Run the published program until u reaches 1, for up to room points; the path named error_ is the one its chord error is
+   of.  u may pass 1 in the last step; feed takes the feedrate that drove each step, u and feed (room).  Returns a code; called
+   again with the same state it goes on. */
+int64_t greedy_compat_run(const double *breaks, const double *coefficients, int64_t pieces, int64_t powers,
+                          int64_t rational, int64_t dim, const double *error_breaks, const double *error_coefficients,
+                          int64_t error_pieces, int64_t error_powers, int64_t error_rational, int64_t error_dim,
+                          const double *velocity, const double *acceleration, const double *settings, double *state,
+                          int64_t room, double *u, double *feed);
+
+/* Run the algorithms with the planned feedrate in the step for up to room points; the last is at 1.  As above. */
+int64_t greedy_physical_run(const double *breaks, const double *coefficients, int64_t pieces, int64_t powers,
+                            int64_t rational, int64_t dim, const double *velocity, const double *acceleration,
+                            const double *settings, double *state, int64_t room, double *u, double *feed);
+
+/* Write the chord error between u[k] and u[k + 1] to out[k]: u (count), out (count - 1). */
+void greedy_chord_errors(const double *breaks, const double *coefficients, int64_t pieces, int64_t powers,
+                         int64_t rational, int64_t dim, int64_t count, const double *u, double *out);
+
+/* Write what there is to know at every point, out (count, COLUMNS).  feed (count) is that of the step before each point;
+   where it is NULL, the chord over the period is. */
+void greedy_along(const double *breaks, const double *coefficients, int64_t pieces, int64_t powers, int64_t rational,
+                  int64_t dim, int64_t count, const double *u, const double *feed, const double *velocity,
+                  const double *acceleration, const double *settings, double *out);
+
 #endif

@@ -35,6 +35,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from planner.compiled import core
 from planner.errors import InfeasibleError, InputError, StalledError
 from planner.geometry.curve import Curve
 from planner.geometry.nurbs import NurbsCurve
@@ -206,8 +207,6 @@ def interpolate_adaptive(
         raise InputError(f"rule = {rule!r} must be one of {', '.join(RULES)}")
     if order not in (1, 2):
         raise InputError(f"order = {order!r} must be 1 or 2")
-    from interp.literature import classic_kernels as kernels
-
     pieces = _rows(curve)
     u, feed, lengths = _points(curve, limits, pieces)
     if not look_ahead:
@@ -225,7 +224,7 @@ def interpolate_adaptive(
     square = feed**2
     square[0], square[-1] = min(float(square[0]), limits.start_feed**2), 0.0
     start_square = float(square[0])
-    looked = float(kernels.look_ahead(2.0 * limits.acceleration, lengths, square))
+    looked = float(core.lookahead_brake(2.0 * limits.acceleration, lengths.size, lengths, square))
     if square[0] < start_square:
         raise InfeasibleError(
             f"{curve.name}: the path is too short to stop from the start feed {np.sqrt(start_square):.6g} mm/s with "
@@ -318,14 +317,13 @@ def _rows(curve: Curve) -> FloatArray:
 
 def _points(curve: Curve, limits: AdaptiveLimits, pieces: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Step 1: parameters, feeds and chords of the points, one a period."""
-    from interp.literature.classic_kernels import adaptive_points
-
     numbers = np.array([limits.feed, limits.normal_acceleration, limits.chord_error, limits.period])
+    sizes = curve.dim, *pieces.shape[1:]
     room = _room(curve.length / limits.feed / limits.period)
     while True:
         u, feed, lengths = np.empty(room), np.empty(room), np.empty(room)
         u[0], end = curve.domain
-        count = int(adaptive_points(numbers, pieces, curve.dim, end, u, feed, lengths))
+        count = int(core.lookahead_points(numbers, pieces, *sizes, end, room, u, feed, lengths))
         if count > 0:
             return u[:count].copy(), feed[:count].copy(), lengths[: count - 1].copy()
         if count < -1:
@@ -356,18 +354,16 @@ def _samples(
     order: int,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Step 3: parameters, feeds and positions of the samples."""
-    from interp.literature.classic_kernels import adaptive_run
-
     points, square, lengths = plan
     least = limits.start_feed if limits.start_feed > 0.0 else limits.acceleration * limits.period
     feeds = np.sqrt(square)
     seconds = float(np.sum(2.0 * lengths / np.maximum(feeds[:-1] + feeds[1:], least)))
-    which = RULES.index(rule)
+    which, sizes = RULES.index(rule), (curve.dim, *pieces.shape[1:])
     room = _room(seconds / limits.period)
     while True:
         u, feed, position = np.empty(room), np.empty(room), np.empty((room, curve.dim))
-        out = u, feed, position
-        count = int(adaptive_run(which, order, points, square, lengths, pieces, limits.period, least, *out))
+        course = points.size, points, square, lengths, pieces, *sizes
+        count = int(core.lookahead_run(which, order, *course, limits.period, least, room, u, feed, position))
         if count > 0:
             position[[0, count - 1]] = curve.derivatives(np.array(curve.domain), 0)[0]
             return u[:count].copy(), feed[:count].copy(), position[:count].copy()

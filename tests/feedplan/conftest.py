@@ -5,13 +5,13 @@ from __future__ import annotations
 import pytest
 
 from feedplan.cli import app
-from feedplan.progress import PLAN_KERNELS, load_kernels
+from feedplan.progress import load_kernels
 
 
 @pytest.fixture(scope="session")
 def compiled():
     """Compile before standard error is looked at."""
-    load_kernels((*PLAN_KERNELS, "interp.literature.greedy_kernels"))
+    load_kernels()
 
 
 @pytest.fixture

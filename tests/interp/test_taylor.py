@@ -8,10 +8,8 @@ import numpy as np
 import pytest
 from cases import drives
 from motions import plan_along, scurve, time_at
-from numba.core.runtime import _nrt_python, rtsys
 
-from interp import InterpolatorTable, TaylorTable, quintic_step, replay, start, taylor_step
-from interp import taylor_kernels as kernels
+from interp import InterpolatorTable, TaylorTable, quintic_step, replay, start, stepping, taylor_step
 from planner import load_curve
 from planner.errors import InputError
 from planner.law import TimeLaw
@@ -69,10 +67,10 @@ def test_one_step_from_the_exact_state_errs_by_the_next_power_of_the_period(case
     for period in periods:
         # one step of the period's length, entered at t: a sample number that makes k T = t
         state = start(table, period)
-        state[kernels.SAMPLE] = t / period
-        state[kernels.U] = u
+        state[stepping.SAMPLE] = t / period
+        state[stepping.U] = u
         taylor_step(order, *table.arrays, state)
-        errors.append(abs(state[kernels.U] - curve.arclength.u(motion(t + period)[0])))
+        errors.append(abs(state[stepping.U] - curve.arclength.u(motion(t + period)[0])))
     assert slope(periods, errors) == pytest.approx(order + 1, abs=0.1)
 
 
@@ -154,11 +152,11 @@ def test_stepping_gives_the_samples_of_replay_to_the_bit(cases, name, order):
     table = table_of(profile, order)
     state = start(table, 2e-3)
     position = state[-curve.dim :]
-    rows, parameters, done = [position.copy()], [state[kernels.U]], False
+    rows, parameters, done = [position.copy()], [state[stepping.U]], False
     while not done:
         done = take_step(table, order, state)
         rows.append(position.copy())
-        parameters.append(state[kernels.U])
+        parameters.append(state[stepping.U])
     assert np.array_equal(rows, samples.position)
     assert np.array_equal(parameters, samples.u)
 
@@ -170,8 +168,8 @@ def test_the_end_is_held(cases, order):
     state = start(table, profile.duration / 4.0)
     assert [take_step(table, order, state) for _ in range(6)] == [False, False, False, True, True, True]
     assert np.array_equal(state[-2:], table.ends[1])
-    assert state[kernels.SAMPLE] == 4.0
-    assert state[kernels.U] == 1.0
+    assert state[stepping.SAMPLE] == 4.0
+    assert state[stepping.U] == 1.0
 
 
 @pytest.mark.parametrize("order", ORDERS)
@@ -197,7 +195,7 @@ def test_a_plan_can_be_entered_at_any_sample(cases):
     for first in (0, 1, 777, samples.t.size - 2, samples.t.size - 1):
         state = start(table, 1e-3, first=first)
         assert np.array_equal(state[-2:], samples.position[first])
-        assert state[kernels.SAMPLE] == first
+        assert state[stepping.SAMPLE] == first
         quintic_step(*table.arrays, state)
         assert np.array_equal(state[-2:], samples.position[min(first + 1, samples.t.size - 1)])
 
@@ -249,27 +247,7 @@ def test_a_plan_may_rest_on_the_way():
         assert abs(samples.u[3500] - 0.3) < {1: 1e-3, 2: 1e-5, 3: 1e-5, 5: 1e-15}[order]
 
 
-# ---- no allocation -------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("order", ORDERS)
-def test_steps_do_not_allocate(cases, order):
-    _, _, profile = cases["flank"]
-    table = table_of(profile, order)
-    run = kernels.quintic_run if order == 5 else kernels.taylor_run
-    leading = table.arrays if order == 5 else (order, *table.arrays)
-    _nrt_python.memsys_enable_stats()
-
-    def allocations(count):
-        """Those of one call that takes ``count`` steps: the wrapping of its arguments."""
-        arguments = start(table, 1e-4), np.empty(count), np.empty(count * table.dim)
-        before = rtsys.get_allocation_stats()
-        run(*leading, *arguments)
-        after = rtsys.get_allocation_stats()
-        assert after.free - before.free == after.alloc - before.alloc
-        return after.alloc - before.alloc
-
-    assert allocations(1) == allocations(20_000)
+# ---- memory -------------------------------------------------------------------------------------------------------
 
 
 def test_calls_keep_no_memory(cases):

@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 from strategies import random_nurbs
 
-from interp.literature import classic_kernels as kernels
 from interp.literature.lookahead import (
     PAPER_LIMITS,
     RULES,
@@ -22,6 +21,7 @@ from interp.literature.lookahead import (
     span_matrix,
 )
 from planner import load_curve
+from planner.compiled import core
 from planner.errors import InfeasibleError, InputError, StalledError
 from planner.geometry.nurbs import NurbsCurve
 
@@ -140,7 +140,7 @@ def test_looking_ahead_gives_what_two_passes_over_the_whole_path_give(seed, coun
     square, lengths = rng.uniform(0.0, 1e4, count + 1), rng.uniform(1e-3, 2.0, count)
     square[-1] = 0.0
     found = square.copy()
-    farthest = kernels.look_ahead(twice, lengths, found)
+    farthest = core.lookahead_brake(twice, lengths.size, lengths, found)
     assert found == pytest.approx(two_passes(square, lengths, twice), abs=1e-6)
     assert (found <= square).all()
     assert (np.abs(np.diff(found)) <= twice * lengths * (1.0 + 1e-12) + 1e-9).all()

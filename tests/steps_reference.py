@@ -1,109 +1,81 @@
-"""Compiled steps of the interpolators: one sample a call, plain arrays, no allocation.
-
-*Pieces* ``(m + 1, rows, degree + 1)``: the curve as (rational) polynomials of a local parameter w in [0, 1], highest
-power first, as Horner reads them.  The rows of a piece are
-
-    0  first parameter and width of the piece, in columns 0 and 1: u = pieces[i, 0, 0] + pieces[i, 0, 1] w
-    1 .. dim  the machine axes
-    dim + 1  their denominator; a polynomial curve has none
-    behind them, where the tool tip is not made of these rows: the tip's coordinates, then their denominator
-
-*Segments* ``(n + 1, 8)``: times t_i at which the plan goes over to another quintic or another piece, the quintic of w
-in ascending powers of t - t_i, and the index of the piece.
-
-*Feed* ``(n + 1, 5)``: times t_i, and the cubic of the path speed V(t) in ascending powers of t - t_i.
-
-Each of the three is closed by a row that starts at inf, so that a pointer advances by comparison alone.
-
-*State* ``(8 + 2 dim,)``: what is remembered between two periods, see the indices below, and the last sample; a copy of
-it is a snapshot.  The sample time k T is a product, never a sum of periods, and T is split into a leading part of 20
-bits and the rest: the time since t_i is exact to rounding however long the plan is.
-
-Calling compiled code costs more than the step does, about 100 ns for every array: hence so few of them.
-"""
+"""The steps of ``interp/quintic.c`` and ``interp/taylor.c`` in plain Python, one sum after the other."""
 
 from __future__ import annotations
 
-from numba import njit
+import numpy as np
 
-from planner.geometry.curve_kernels import FLAG, I64, NOTHING, READ2, READ3, WRITE1
-from planner.geometry.differential_kernels import rates_of_parameter, speed_derivatives
-
-# Indices into the state.
-SAMPLE = 0  # number k of the last sample
-SEGMENT = 1  # row of the segments, or of the feed, that holds its time
-PIECE = 2  # curve piece that holds its parameter (Taylor only: a segment knows its piece)
-U = 3  # its curve parameter
-PERIOD_HIGH = 4  # leading 20 bits of the period T, s: times k they are exact up to k = 2^33
-PERIOD_LOW = 5  # the rest of T
-LAST = 6  # number of the last sample, at the end of the path
-U_END = 7
-END = 8  # dim numbers: the position at the end of the path; behind them, dim numbers: the position of the last sample
+from interp.stepping import END, LAST, PERIOD_HIGH, PERIOD_LOW, PIECE, SAMPLE, SEGMENT, U_END, U
 
 
-@njit(forceinline=True)
-def _since(state, k, start):
+def speed_derivatives(square, along, bend):
+    """|C'| > 0 and its first two derivatives with respect to u, from |C'|^2, C'.C'' and |C''|^2 + C'.C'''."""
+    speed = np.sqrt(square)
+    slope = along / speed
+    return speed, slope, (bend - slope * slope) / speed
+
+
+def rates_of_parameter(speed, slope, bend, v, a, j):
+    """First three time derivatives of u from those of the arc length, given |C'| and its first two derivatives."""
+    u1 = v / speed
+    u2 = (a - slope * u1 * u1) / speed
+    return u1, u2, (j - 3.0 * slope * u1 * u2 - bend * u1 * u1 * u1) / speed
+
+
+def since(state, k, start):
     """Time k T - start, s, without the rounding of k T: k times the high part is exact and close to start."""
     return (k * state[PERIOD_HIGH] - start) + k * state[PERIOD_LOW]
 
 
-@njit(forceinline=True)
-def _horner(row, w):
+def horner(row, w):
     value = row[0]
     for n in range(1, row.size):
         value = value * w + row[n]
     return value
 
 
-@njit(forceinline=True, error_model="numpy")
-def _position(pieces, piece, w, out, at, dim):
+def position(pieces, piece, w, out, at, dim):
     """Write the point of a piece at w into ``out[at : at + dim]``."""
     scale = 1.0
     if pieces.shape[1] > dim + 1:
-        scale = 1.0 / _horner(pieces[piece, dim + 1], w)
+        scale = 1.0 / horner(pieces[piece, dim + 1], w)
     for j in range(dim):
-        out[at + j] = scale * _horner(pieces[piece, 1 + j], w)
+        out[at + j] = scale * horner(pieces[piece, 1 + j], w)
 
 
-@njit(forceinline=True)
-def _dim(state):
+def axes_of(state):
     return (state.size - END) // 2
 
 
-@njit(forceinline=True)
-def _end(state, out, at):
-    for j in range(_dim(state)):
+def end(state, out, at):
+    for j in range(axes_of(state)):
         out[at + j] = state[END + j]
 
 
-@njit(forceinline=True)
-def _keep(state, positions):
+def keep(state, positions):
     """Put the last row of the flat positions into the state."""
-    dim = _dim(state)
+    dim = axes_of(state)
     for j in range(min(dim, positions.size)):
         state[END + dim + j] = positions[positions.size - dim + j]
 
 
-@njit(forceinline=True)
-def _quintic(segments, pieces, state, k, i, u, out, at):
+def quintic(segments, pieces, state, k, i, u, out, at):
     """Write sample k; returns its segment and parameter, given those of the sample before."""
     if k >= state[LAST]:
-        _end(state, out, at)
+        end(state, out, at)
         return i, state[U_END]
-    while _since(state, k, segments[i + 1, 0]) >= 0.0:
+    while since(state, k, segments[i + 1, 0]) >= 0.0:
         i += 1
-    t = _since(state, k, segments[i, 0])
+    t = since(state, k, segments[i, 0])
     c = segments[i]
     w = c[1] + t * (c[2] + t * (c[3] + t * (c[4] + t * (c[5] + t * c[6]))))
     w = min(max(w, 0.0), 1.0)
     piece = int(c[7])
-    _position(pieces, piece, w, out, at, _dim(state))
+    position(pieces, piece, w, out, at, axes_of(state))
     # A rounding must not report a parameter that falls back, or one beyond the end.
     return i, min(max(pieces[piece, 0, 0] + pieces[piece, 0, 1] * w, u), state[U_END])
 
 
-@njit(forceinline=True)
-def _polynomial(row, w, scale, order):
+def polynomial(row, w, scale, order):
     """Value and first ``order`` derivatives with respect to u (dw/du = scale); the others stay 0."""
     b0 = row[0]
     b1 = b2 = b3 = 0.0
@@ -117,8 +89,7 @@ def _polynomial(row, w, scale, order):
     return b0, b1 * scale, 2.0 * b2 * scale * scale, 6.0 * b3 * scale * scale * scale
 
 
-@njit(forceinline=True, error_model="numpy")
-def _speed(pieces, piece, u, order, dim):
+def tip_speed(pieces, piece, u, order, dim):
     """|C'| of the tool tip and, as far as the order needs them, its first and second derivative with respect to u."""
     rows = pieces.shape[1]
     rational = rows > dim + 1
@@ -128,10 +99,10 @@ def _speed(pieces, piece, u, order, dim):
     w = (u - pieces[piece, 0, 0]) * scale
     d0, d1, d2, d3 = 1.0, 0.0, 0.0, 0.0
     if rational:
-        d0, d1, d2, d3 = _polynomial(pieces[piece, last], w, scale, order)
+        d0, d1, d2, d3 = polynomial(pieces[piece, last], w, scale, order)
     square = dot = more = 0.0
     for j in range(first, last):
-        c0, c1, c2, c3 = _polynomial(pieces[piece, j], w, scale, order)
+        c0, c1, c2, c3 = polynomial(pieces[piece, j], w, scale, order)
         if rational:  # quotient rule, as in planner.geometry.curve_kernels.evaluate_pieces
             c0 = c0 / d0
             c1 = (c1 - d1 * c0) / d0
@@ -143,8 +114,7 @@ def _speed(pieces, piece, u, order, dim):
     return speed_derivatives(square, dot, more)
 
 
-@njit(forceinline=True, error_model="numpy")
-def _taylor_series(order, period, speed, slope, bend, v, a, j):
+def taylor_series(order, period, speed, slope, bend, v, a, j):
     """T u' + T^2/2 u'' + T^3/6 u''' as far as the order goes; see ``taylor_step``."""
     u1, u2, u3 = rates_of_parameter(speed, slope, bend, v, a, j)
     step = period * u1
@@ -155,33 +125,31 @@ def _taylor_series(order, period, speed, slope, bend, v, a, j):
     return step
 
 
-@njit(forceinline=True, error_model="numpy")
-def _taylor(order, feed, pieces, state, k, i, piece, u, out, at):
+def taylor(order, feed, pieces, state, k, i, piece, u, out, at):
     """Write sample k; returns its segment, piece and parameter, given those of the sample before."""
     if k >= state[LAST]:
-        _end(state, out, at)
+        end(state, out, at)
         return i, piece, state[U_END]
-    dim = _dim(state)
+    dim = axes_of(state)
     before = k - 1.0
     period = state[PERIOD_HIGH] + state[PERIOD_LOW]
-    while _since(state, before, feed[i + 1, 0]) >= 0.0:
+    while since(state, before, feed[i + 1, 0]) >= 0.0:
         i += 1
-    t = _since(state, before, feed[i, 0])
+    t = since(state, before, feed[i, 0])
     c = feed[i]
-    speed, slope, bend = _speed(pieces, piece, u, order, dim)
+    speed, slope, bend = tip_speed(pieces, piece, u, order, dim)
     step = 0.0
     if speed > 0.0:
         v = c[1] + t * (c[2] + t * (c[3] + t * c[4]))
         a = c[2] + t * (2.0 * c[3] + t * 3.0 * c[4])
-        step = _taylor_series(order, period, speed, slope, bend, v, a, 2.0 * c[3] + t * 6.0 * c[4])
+        step = taylor_series(order, period, speed, slope, bend, v, a, 2.0 * c[3] + t * 6.0 * c[4])
     u = min(u + max(step, 0.0), state[U_END])
     while u >= pieces[piece + 1, 0, 0]:
         piece += 1
-    _position(pieces, piece, (u - pieces[piece, 0, 0]) / pieces[piece, 0, 1], out, at, dim)
+    position(pieces, piece, (u - pieces[piece, 0, 0]) / pieces[piece, 0, 1], out, at, dim)
     return i, piece, u
 
 
-@njit(FLAG(READ2, READ3, WRITE1), cache=True)
 def quintic_step(segments, pieces, state):
     """Go to the next sample of the plan; True once it is the last one, which is then held.
 
@@ -195,25 +163,23 @@ def quintic_step(segments, pieces, state):
         From ``start``; changed in place.  Its last dim numbers are the sample: machine axes, mm (rad for rotary axes).
     """
     k = min(state[SAMPLE] + 1.0, state[LAST])
-    i, u = _quintic(segments, pieces, state, k, int(state[SEGMENT]), state[U], state, END + _dim(state))
+    i, u = quintic(segments, pieces, state, k, int(state[SEGMENT]), state[U], state, END + axes_of(state))
     state[SAMPLE], state[SEGMENT], state[U] = k, i, u
     return k >= state[LAST]
 
 
-@njit(NOTHING(READ2, READ3, WRITE1, WRITE1, WRITE1), cache=True)
 def quintic_run(segments, pieces, state, u, positions):
     """Take ``u.size`` steps; ``positions`` is flat, ``dim`` numbers a step."""
-    dim = _dim(state)
+    dim = axes_of(state)
     k, i, at = state[SAMPLE], int(state[SEGMENT]), state[U]
     for n in range(u.size):
         k = min(k + 1.0, state[LAST])
-        i, at = _quintic(segments, pieces, state, k, i, at, positions, n * dim)
+        i, at = quintic(segments, pieces, state, k, i, at, positions, n * dim)
         u[n] = at
     state[SAMPLE], state[SEGMENT], state[U] = k, i, at
-    _keep(state, positions)
+    keep(state, positions)
 
 
-@njit(FLAG(I64, READ2, READ3, WRITE1), cache=True)
 def taylor_step(order, feed, pieces, state):
     """Go to the next sample by a Taylor step of order 1, 2 or 3; True once it is the last one, which is then held.
 
@@ -236,21 +202,20 @@ def taylor_step(order, feed, pieces, state):
         From ``start``; changed in place.  Its last dim numbers are the sample: machine axes, mm (rad for rotary axes).
     """
     k = min(state[SAMPLE] + 1.0, state[LAST])
-    i, piece, u = _taylor(
-        order, feed, pieces, state, k, int(state[SEGMENT]), int(state[PIECE]), state[U], state, END + _dim(state)
+    i, piece, u = taylor(
+        order, feed, pieces, state, k, int(state[SEGMENT]), int(state[PIECE]), state[U], state, END + axes_of(state)
     )
     state[SAMPLE], state[SEGMENT], state[PIECE], state[U] = k, i, piece, u
     return k >= state[LAST]
 
 
-@njit(NOTHING(I64, READ2, READ3, WRITE1, WRITE1, WRITE1), cache=True)
 def taylor_run(order, feed, pieces, state, u, positions):
     """Take ``u.size`` Taylor steps; ``positions`` is flat, ``dim`` numbers a step."""
-    dim = _dim(state)
+    dim = axes_of(state)
     k, i, piece, at = state[SAMPLE], int(state[SEGMENT]), int(state[PIECE]), state[U]
     for n in range(u.size):
         k = min(k + 1.0, state[LAST])
-        i, piece, at = _taylor(order, feed, pieces, state, k, i, piece, at, positions, n * dim)
+        i, piece, at = taylor(order, feed, pieces, state, k, i, piece, at, positions, n * dim)
         u[n] = at
     state[SAMPLE], state[SEGMENT], state[PIECE], state[U] = k, i, piece, at
-    _keep(state, positions)
+    keep(state, positions)

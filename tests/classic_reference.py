@@ -1,32 +1,13 @@
-"""Compiled loops of the interpolators of the literature: feed shapes, replay forms, look-ahead.
-
-Layouts are those of ``interp.taylor_kernels``.
-"""
+"""The loops of feedshapes.c, forms.c and lookahead.c in plain Python, one sum after the other."""
 
 from __future__ import annotations
 
-import numpy as np
-from numba import njit
+from math import cos, exp, sin
 
-from interp.taylor_kernels import (
-    LAST,
-    PERIOD_HIGH,
-    PERIOD_LOW,
-    PIECE,
-    SAMPLE,
-    SEGMENT,
-    U_END,
-    U,
-    _dim,
-    _end,
-    _horner,
-    _polynomial,
-    _position,
-    _since,
-    _speed,
-    _taylor_series,
-)
-from planner.geometry.curve_kernels import F64, I64, NOTHING, READ1, READ2, READ3, WRITE1, WRITE2
+import numpy as np
+from steps_reference import axes_of, end, horner, polynomial, position, since, taylor_series, tip_speed
+
+from interp.stepping import LAST, PERIOD_HIGH, PERIOD_LOW, PIECE, SAMPLE, SEGMENT, U_END, U
 
 # ---- feed shapes of 2002 (feedshapes.py) ------------------------------------------------------------
 
@@ -35,7 +16,6 @@ EXPONENTIAL_RATE = 5.0  # time constants in the time of a ramp: 0.7 % of the fee
 # A shape is five numbers: which, feed F (mm/s), time of a ramp, begin of the falling ramp, end of the motion (s).
 
 
-@njit(forceinline=True, error_model="numpy")
 def _shape(shape, t):
     """Feed and acceleration of a shape at time t; a jump takes its value after it."""
     which, feed, ramp, fall, end = shape[0], shape[1], shape[2], shape[3], shape[4]
@@ -44,9 +24,9 @@ def _shape(shape, t):
     if which == EXPONENTIAL:
         rate = EXPONENTIAL_RATE / ramp
         if t < fall:
-            left = np.exp(-rate * t)
+            left = exp(-rate * t)
             return feed * (1.0 - left), feed * rate * left
-        left = feed * (1.0 - np.exp(-rate * fall)) * np.exp(-rate * (t - fall))
+        left = feed * (1.0 - exp(-rate * fall)) * exp(-rate * (t - fall))
         return left, -rate * left
     rising = t < ramp
     if not rising and t < fall:
@@ -54,18 +34,16 @@ def _shape(shape, t):
     x = t / ramp if rising else (end - t) / ramp
     sign = 1.0 if rising else -1.0
     if which == BELL:
-        return 0.5 * feed * (1.0 - np.cos(np.pi * x)), sign * 0.5 * feed * np.pi / ramp * np.sin(np.pi * x)
+        return 0.5 * feed * (1.0 - cos(np.pi * x)), sign * 0.5 * feed * np.pi / ramp * sin(np.pi * x)
     return feed * x, sign * feed / ramp
 
 
-@njit(NOTHING(READ1, READ1, WRITE1, WRITE1), cache=True)
 def shape_feed(shape, t, feed, acceleration):
     """Write the feed and the acceleration of a shape at every time."""
     for n in range(t.size):
         feed[n], acceleration[n] = _shape(shape, t[n])
 
 
-@njit(NOTHING(I64, READ1, READ3, F64, F64, WRITE1, WRITE1, WRITE1, WRITE2), cache=True)
 def shaped_run(order, shape, pieces, period, u_end, u, feed, acceleration, positions):
     """Take ``u.size - 1`` Taylor steps of order 1 or 2 from ``u[0]`` with the feed of a shape (2002, equations 8, 9).
 
@@ -79,12 +57,12 @@ def shaped_run(order, shape, pieces, period, u_end, u, feed, acceleration, posit
         while at >= pieces[piece + 1, 0, 0]:
             piece += 1
         u[k] = at
-        _position(pieces, piece, (at - pieces[piece, 0, 0]) / pieces[piece, 0, 1], flat, k * dim, dim)
+        position(pieces, piece, (at - pieces[piece, 0, 0]) / pieces[piece, 0, 1], flat, k * dim, dim)
         v, a = _shape(shape, k * period)
         feed[k], acceleration[k] = v, a
-        speed, slope, bend = _speed(pieces, piece, at, order, dim)
+        speed, slope, bend = tip_speed(pieces, piece, at, order, dim)
         if speed > 0.0:
-            step = _taylor_series(order, period, speed, slope, bend, v, a, 0.0)
+            step = taylor_series(order, period, speed, slope, bend, v, a, 0.0)
             at = min(at + max(step, 0.0), u_end)
 
 
@@ -96,27 +74,23 @@ _NEWTON_PASSES = 60
 _ARRIVAL, _CRAWL = 1.5, 0.1
 
 
-@njit(forceinline=True)
 def _cubic(row, t):
     return row[1] + t * (row[2] + t * (row[3] + t * row[4]))
 
 
-@njit(forceinline=True)
 def _feed_row(feed, state, k, i):
     """Row of the feed that holds the time of sample k."""
-    while _since(state, k, feed[i + 1, 0]) >= 0.0:
+    while since(state, k, feed[i + 1, 0]) >= 0.0:
         i += 1
     return i
 
 
-@njit(forceinline=True)
 def _piece_of(pieces, u, piece):
     while u >= pieces[piece + 1, 0, 0]:
         piece += 1
     return piece
 
 
-@njit(forceinline=True, error_model="numpy")
 def _time_at(course, u, i, duration):
     """Segment and time at which the plan is at u: Newton on its quintic, bisection where Newton leaves the bracket."""
     while course[i + 1, 0] < duration and course[i + 1, 1] <= u:
@@ -141,7 +115,6 @@ def _time_at(course, u, i, duration):
     return i, c[0] + t
 
 
-@njit(forceinline=True, error_model="numpy")
 def _chord(pieces, piece, u, other, p, dim):
     """Length of the chord between two points of the tool tip, given by their pieces and parameters."""
     rows = pieces.shape[1]
@@ -152,21 +125,20 @@ def _chord(pieces, piece, u, other, p, dim):
     x = (p - pieces[other, 0, 0]) / pieces[other, 0, 1]
     near, far = 1.0, 1.0
     if rational:
-        near, far = 1.0 / _horner(pieces[piece, last], w), 1.0 / _horner(pieces[other, last], x)
+        near, far = 1.0 / horner(pieces[piece, last], w), 1.0 / horner(pieces[other, last], x)
     square = 0.0
     for j in range(first, last):
-        apart = far * _horner(pieces[other, j], x) - near * _horner(pieces[piece, j], w)
+        apart = far * horner(pieces[other, j], x) - near * horner(pieces[piece, j], w)
         square += apart * apart
     return np.sqrt(square)
 
 
-@njit(forceinline=True, error_model="numpy")
 def _corrected(form, passes, pieces, piece, u, u_end, period, speed, v, v1, length, dim):
     """Parameter step of the Runge-Kutta and of the chord form; see ``form_run``."""
     if form == RUNGE_KUTTA:
         step = period * v / speed
         other = min(u + step, u_end)
-        following, _, _ = _speed(pieces, _piece_of(pieces, other, piece), other, 1, dim)
+        following, _, _ = tip_speed(pieces, _piece_of(pieces, other, piece), other, 1, dim)
         return 0.5 * (step + period * v1 / following) if following > 0.0 else step
     step = length / speed
     for _ in range(passes):
@@ -177,7 +149,6 @@ def _corrected(form, passes, pieces, piece, u, u_end, period, speed, v, v1, leng
     return step
 
 
-@njit(I64(I64, I64, READ2, READ2, READ3, F64, WRITE1, WRITE1, WRITE1), cache=True, error_model="numpy")
 def form_run(form, order, feed, course, pieces, duration, state, u, positions):
     """Take up to ``u.size`` steps of a form; returns how many, less where the path ends before.
 
@@ -193,14 +164,14 @@ def form_run(form, order, feed, course, pieces, duration, state, u, positions):
     that crawls there is taken to the end.  ``course (n + 1, 7)``, read with V(u) alone, holds the plan's u(t): start
     times and quintics of u.  ``positions`` is flat, ``dim`` numbers a step.
     """
-    dim = _dim(state)
+    dim = axes_of(state)
     period = state[PERIOD_HIGH] + state[PERIOD_LOW]
     k, i, piece, at = state[SAMPLE], int(state[SEGMENT]), int(state[PIECE]), state[U]
     row = 0
     taken = 0
     while taken < u.size and at < state[U_END]:
         v, a, j = 0.0, 0.0, 0.0
-        speed, slope, bend = _speed(pieces, piece, at, order if form == TAYLOR_BY_PARAMETER else 1, dim)
+        speed, slope, bend = tip_speed(pieces, piece, at, order if form == TAYLOR_BY_PARAMETER else 1, dim)
         step = 0.0
         if form == TAYLOR_BY_PARAMETER:
             row, t = _time_at(course, at, row, duration)
@@ -211,20 +182,20 @@ def form_run(form, order, feed, course, pieces, duration, state, u, positions):
             t -= c[0]
             v, a, j = _cubic(c, t), c[2] + t * (2.0 * c[3] + t * 3.0 * c[4]), 2.0 * c[3] + t * 6.0 * c[4]
             if speed > 0.0:
-                step = _taylor_series(order, period, speed, slope, bend, v, a, j)
+                step = taylor_series(order, period, speed, slope, bend, v, a, j)
             if near and step < _CRAWL * (state[U_END] - at):
                 step = state[U_END] - at
         elif k + 1.0 >= state[LAST]:
             step = state[U_END] - at
         else:
             i = _feed_row(feed, state, k, i)
-            v = _cubic(feed[i], _since(state, k, feed[i, 0]))
+            v = _cubic(feed[i], since(state, k, feed[i, 0]))
             after = _feed_row(feed, state, k + 1.0, i)
-            v1 = _cubic(feed[after], _since(state, k + 1.0, feed[after, 0]))
+            v1 = _cubic(feed[after], since(state, k + 1.0, feed[after, 0]))
             length = 0.0
             if form == CHORD:
                 middle = _feed_row(feed, state, k + 0.5, i)
-                v2 = _cubic(feed[middle], _since(state, k + 0.5, feed[middle, 0]))
+                v2 = _cubic(feed[middle], since(state, k + 0.5, feed[middle, 0]))
                 length = period / 6.0 * (v + 4.0 * v2 + v1)
             if speed > 0.0:
                 step = _corrected(form, order, pieces, piece, at, state[U_END], period, speed, v, v1, length, dim)
@@ -232,9 +203,9 @@ def form_run(form, order, feed, course, pieces, duration, state, u, positions):
         k += 1.0
         piece = _piece_of(pieces, at, piece)
         if at >= state[U_END]:
-            _end(state, positions, taken * dim)
+            end(state, positions, taken * dim)
         else:
-            _position(pieces, piece, (at - pieces[piece, 0, 0]) / pieces[piece, 0, 1], positions, taken * dim, dim)
+            position(pieces, piece, (at - pieces[piece, 0, 0]) / pieces[piece, 0, 1], positions, taken * dim, dim)
         u[taken] = at
         taken += 1
     state[SAMPLE], state[SEGMENT], state[PIECE], state[U] = k, i, piece, at
@@ -246,7 +217,6 @@ def form_run(form, order, feed, course, pieces, duration, state, u, positions):
 AVERAGED, UNIFORM = 0, 1
 
 
-@njit(forceinline=True, error_model="numpy")
 def _curvature(pieces, piece, u, slope, speed, dim):
     """Curvature of the tool tip, |C'' - (|C'|'/|C'|) C'| / |C'|^2: the part of C'' along C' is taken off first."""
     rows = pieces.shape[1]
@@ -257,10 +227,10 @@ def _curvature(pieces, piece, u, slope, speed, dim):
     w = (u - pieces[piece, 0, 0]) * scale
     d0, d1, d2 = 1.0, 0.0, 0.0
     if rational:
-        d0, d1, d2, _ = _polynomial(pieces[piece, last], w, scale, 2)
+        d0, d1, d2, _ = polynomial(pieces[piece, last], w, scale, 2)
     square = 0.0
     for j in range(first, last):
-        c0, c1, c2, _ = _polynomial(pieces[piece, j], w, scale, 2)
+        c0, c1, c2, _ = polynomial(pieces[piece, j], w, scale, 2)
         if rational:
             c0 = c0 / d0
             c1 = (c1 - d1 * c0) / d0
@@ -270,7 +240,6 @@ def _curvature(pieces, piece, u, slope, speed, dim):
     return np.sqrt(square) / (speed * speed)
 
 
-@njit(I64(READ1, READ3, I64, F64, WRITE1, WRITE1, WRITE1), cache=True, error_model="numpy")
 def adaptive_points(limits, pieces, dim, u_end, u, feed, lengths):
     """Place one point a period at the adaptive feed (2007, equations 5 to 7), from ``u[0]`` to the end of the path.
 
@@ -281,7 +250,7 @@ def adaptive_points(limits, pieces, dim, u_end, u, feed, lengths):
     piece = 0
     for i in range(u.size):
         piece = _piece_of(pieces, u[i], piece)
-        speed, slope, _ = _speed(pieces, piece, u[i], 2, dim)
+        speed, slope, _ = tip_speed(pieces, piece, u[i], 2, dim)
         radius = 1.0 / _curvature(pieces, piece, u[i], slope, speed, dim)
         error = min(limits[2], radius)
         v = min(limits[0], np.sqrt(limits[1] * radius))
@@ -298,7 +267,6 @@ def adaptive_points(limits, pieces, dim, u_end, u, feed, lengths):
     return -1
 
 
-@njit(F64(F64, READ1, WRITE1), cache=True)
 def look_ahead(twice, lengths, square):
     """Lower the squared feeds until every segment can be crossed within the acceleration (2007, equations 8 and 9).
 
@@ -316,7 +284,6 @@ def look_ahead(twice, lengths, square):
     return farthest
 
 
-@njit(forceinline=True, error_model="numpy")
 def _travel(points, square, lengths, i, u, period):
     """Distance covered in one period from u on, V^2 linear in the distance between the points."""
     share = (u - points[i]) / (points[i + 1] - points[i])
@@ -336,7 +303,6 @@ def _travel(points, square, lengths, i, u, period):
         v, left = v1, lengths[i]
 
 
-@njit(I64(I64, I64, READ1, READ1, READ1, READ3, F64, F64, WRITE1, WRITE1, WRITE2), cache=True, error_model="numpy")
 def adaptive_run(rule, order, points, square, lengths, pieces, period, least, u, feed, positions):
     """Interpolate at the feeds after look-ahead by Taylor steps of order 1 or 2 with the feed V_k, one a period.
 
@@ -353,7 +319,7 @@ def adaptive_run(rule, order, points, square, lengths, pieces, period, least, u,
     for k in range(u.size):
         piece = _piece_of(pieces, at, piece)
         u[k] = at
-        _position(pieces, piece, (at - pieces[piece, 0, 0]) / pieces[piece, 0, 1], flat, k * dim, dim)
+        position(pieces, piece, (at - pieces[piece, 0, 0]) / pieces[piece, 0, 1], flat, k * dim, dim)
         if at >= end:
             feed[k] = np.sqrt(square[square.size - 1])
             return k + 1
@@ -366,6 +332,6 @@ def adaptive_run(rule, order, points, square, lengths, pieces, period, least, u,
         elif k > 0:
             v = max(0.5 * (v + np.sqrt(square[i + 1])), least)
         feed[k] = v
-        speed, slope, bend = _speed(pieces, piece, at, order, dim)
-        at = end if arrives else min(at + _taylor_series(order, period, speed, slope, bend, v, 0.0, 0.0), end)
+        speed, slope, bend = tip_speed(pieces, piece, at, order, dim)
+        at = end if arrives else min(at + taylor_series(order, period, speed, slope, bend, v, 0.0, 0.0), end)
     return -1

@@ -1,72 +1,55 @@
-"""Compiled loops of Algorithms 1-4 (2022): one interpolated point a pass.
-
-A *path* is three arguments, ``breaks (m + 1,)``, ``coefficients (m, dim + 1, degree + 1)`` and ``rational``, as in
-``planner.geometry.curve_kernels``, with the breaks mapped to [0, 1]: the parameter u runs from 0 to 1 here.  Beyond the ends
-the outermost piece goes on, since the last step of the published program overshoots.
-
-A loop fills ``u_out`` and returns one of the codes below; called again with the same ``state`` it goes on.  Sums and
-products are in the order of the published loops: a count of points depends on them.
-"""
+"""The loops of greedy.c, greedy_compat.c and greedy_physical.c in plain Python, one sum after the other."""
 
 from __future__ import annotations
 
+# ruff: noqa: PLR0912  -- as long as the published loops
+from math import cos, exp, sin
+
 import numpy as np
-from numba import njit
 
-from planner.geometry.curve_kernels import FLAG, I64, NOTHING, READ1, READ3, WRITE1, WRITE2
-
-# ruff: noqa: PLR0912  -- a compiled loop is one function, or pays for its calls
-# What a loop returns.
-RUNNING = 0  # u_out is full
-DONE = 1  # u has reached 1
-SINGULAR = 2  # |C'| vanishes
-NOT_FINITE = 3  # the step is not a positive number
-NO_ADVANCE = 4  # u + du = u, or five steps below 1e-12
-BACK_OFF = 5  # the factor theta reached 0, or too many passes
-TOO_LONG = 6  # a step beyond a tenth of the range
-
-# Indices into the settings.
-PERIOD = 0  # T, s
-FEED = 1  # F, mm/s
-TOLERANCE = 2  # chord error, mm
-SAFETY = 3  # lambda
-RISE = 4  # end of the rising S-curve
-FALL = 5  # start of the falling one
-FLOOR = 6  # mm/s
-JERK = 7  # mm/s^3, of the planned feedrate
-ALGORITHM = 8
-ROOT = 9  # 1: the step is solved for; 0: multiplied by theta as published
-EXACT_TAYLOR = 10
-PLANNED_FEED = 11  # 1: the planned feedrate drives the step; 0: the command
-WRONG_BEND = 12  # scale of the butterfly whose published C'' is added; 0: the exact C''
-SOFT = 13  # brake within acceleration and jerk, at the price of the feedrate limit
-SINGULAR_SPEED = 14  # |C'| at which the curve has no direction
-SETTINGS = 15
-
-# Indices into the state.
-U = 0
-PLANNED = 1  # feedrate, mm/s
-RATE = 2  # its change over the last period, mm/s^2
-PIECE = 3
-ERROR_PIECE = 4
-TINY_STEPS = 5
-COUNT = 6  # points written by the last call
-DU = 7  # the last step
-THETA = 8  # the last factor
-SPEED = 9  # |C'| at u
-STATE = 10
-
-# Columns of what ``along`` writes.
-LENGTH = 0  # of the chord to the next point, mm
-ERROR = 1  # its distance from the curve, mm
-AXIS_LIMIT = 2  # limit 2, mm/s
-NORMAL_LIMIT = 3  # limit 4, mm/s
-CURVATURE = 4  # 1/mm
-SHAPE = 5  # S-curve factor
-LOWEST = 6  # tangential acceleration allowed at the feed of the step before, mm/s^2
-HIGHEST = 7
-PUBLISHED_BOUND = 8  # the bound that the published program clips to, mm/s^2
-COLUMNS = 9
+from interp.literature.greedy_layout import (
+    ALGORITHM,
+    AXIS_LIMIT,
+    BACK_OFF,
+    COUNT,
+    CURVATURE,
+    DONE,
+    DU,
+    ERROR,
+    ERROR_PIECE,
+    EXACT_TAYLOR,
+    FALL,
+    FEED,
+    FLOOR,
+    HIGHEST,
+    JERK,
+    LENGTH,
+    LOWEST,
+    NO_ADVANCE,
+    NORMAL_LIMIT,
+    NOT_FINITE,
+    PERIOD,
+    PIECE,
+    PLANNED,
+    PLANNED_FEED,
+    PUBLISHED_BOUND,
+    RATE,
+    RISE,
+    ROOT,
+    RUNNING,
+    SAFETY,
+    SHAPE,
+    SINGULAR,
+    SINGULAR_SPEED,
+    SOFT,
+    SPEED,
+    THETA,
+    TINY_STEPS,
+    TOLERANCE,
+    TOO_LONG,
+    WRONG_BEND,
+    U,
+)
 
 _SUBDIVISIONS = 20  # of a chord: 19 inner points, as published
 _MAX_STEP = 0.1
@@ -81,7 +64,10 @@ _SOLVER_PASSES = 80
 _NEGLIGIBLE = 1e-12  # a component of the unit tangent below which an axis does not bound the acceleration
 
 
-@njit(forceinline=True)
+def _square(x):
+    return x * x
+
+
 def _piece_of(breaks, u, piece):
     last = breaks.size - 2
     while piece < last and u >= breaks[piece + 1]:
@@ -91,7 +77,6 @@ def _piece_of(breaks, u, piece):
     return piece
 
 
-@njit(forceinline=True)
 def _value(coefficients, piece, row, w):
     degree = coefficients.shape[2] - 1
     value = coefficients[piece, row, degree]
@@ -100,7 +85,6 @@ def _value(coefficients, piece, row, w):
     return value
 
 
-@njit(forceinline=True, error_model="numpy")
 def _point(breaks, coefficients, rational, u, piece, out):
     """Write the point at u; returns its piece."""
     piece = _piece_of(breaks, u, piece)
@@ -113,7 +97,6 @@ def _point(breaks, coefficients, rational, u, piece, out):
     return piece
 
 
-@njit(forceinline=True)
 def _polynomial(coefficients, piece, row, w, scale):
     """Value and first two derivatives with respect to u (dw/du = scale)."""
     degree = coefficients.shape[2] - 1
@@ -126,7 +109,6 @@ def _polynomial(coefficients, piece, row, w, scale):
     return b0, b1 * scale, 2.0 * b2 * scale * scale
 
 
-@njit(forceinline=True, error_model="numpy")
 def _derivatives(breaks, coefficients, rational, u, piece, first, second):
     """Write C' and C'' at u; returns the piece."""
     piece = _piece_of(breaks, u, piece)
@@ -145,21 +127,19 @@ def _derivatives(breaks, coefficients, rational, u, piece, first, second):
     return piece
 
 
-@njit(forceinline=True)
 def _add_wrong_bend(u, scale, second):
     """Add to the butterfly's C'' what three wrong terms of the published program make of it.
 
     x'': d(sin^2) without its cosine, and a sine in place of a cosine; y'': a factor sin t left out.
     """
     t = 2.0 * np.pi * u
-    s, c = np.sin(t), np.cos(t)
-    e = np.exp(c)
-    k = scale * (2.0 * np.pi) ** 2
-    second[0] += k * ((2.0 * s * c - 2.0 * s) * e + 32.0 * s * (np.sin(4.0 * t) - np.cos(4.0 * t)))
+    s, c = sin(t), cos(t)
+    e = exp(c)
+    k = scale * ((2.0 * np.pi) * (2.0 * np.pi))
+    second[0] += k * ((2.0 * s * c - 2.0 * s) * e + 32.0 * s * (sin(4.0 * t) - cos(4.0 * t)))
     second[1] += k * ((s + s * c) * e + (c * c - s * s - s * s * c) * e)
 
 
-@njit(forceinline=True)
 def _dot(a, b):
     total = 0.0
     for j in range(a.size):
@@ -167,7 +147,6 @@ def _dot(a, b):
     return total
 
 
-@njit(forceinline=True, error_model="numpy")
 def _feed_limits(first, second, velocity, acceleration, safety):
     """|C'|, C'.C'', limits 2 and 4, and the curvature; k_j below is the j-th component of d2C/ds2."""
     speed2 = _dot(first, first)
@@ -183,7 +162,6 @@ def _feed_limits(first, second, velocity, acceleration, safety):
     return speed, dot, axis, normal, np.sqrt(kappa2)
 
 
-@njit(forceinline=True, error_model="numpy")
 def _chord_limit(kappa, error, period):
     """(2/T) sqrt(2 rho e - e^2): limit 3, the feed whose chord leaves a circle of radius rho by e."""
     if error == np.inf:
@@ -193,15 +171,13 @@ def _chord_limit(kappa, error, period):
     return 2.0 / period * np.sqrt(2.0 * error / kappa - error * error)
 
 
-@njit(forceinline=True)
 def _s_curve(u, settings):
     """Rising and falling factor; the exponent is clamped, as exp would overflow far outside either ramp."""
-    rise = 1.0 / (1.0 + np.exp(min(-15.0 * u / settings[RISE], 80.0))) ** 8
+    rise = 1.0 / _square(_square(_square(1.0 + exp(min(-15.0 * u / settings[RISE], 80.0)))))
     z = 3.0 * (u - settings[FALL]) / (1.0 - settings[FALL])
-    return rise * (1.0 - 1.0 / (1.0 + np.exp(min(-5.0 * z, 80.0))) ** 8)
+    return rise * (1.0 - 1.0 / _square(_square(_square(1.0 + exp(min(-5.0 * z, 80.0))))))
 
 
-@njit(forceinline=True, error_model="numpy")
 def _acceleration_range(first, second, speed, dot, feed, acceleration):
     """Tangential accelerations A with |t_j A + k_j V^2| <= A_j on every axis."""
     lowest, highest = -np.inf, np.inf
@@ -214,7 +190,6 @@ def _acceleration_range(first, second, speed, dot, feed, acceleration):
     return lowest, highest
 
 
-@njit(forceinline=True, error_model="numpy")
 def _inner_points(breaks, coefficients, rational, u, du, piece, last, dim, inner):
     """Write the 19 inner points to ``inner[:dim]``; the rows behind are scratch."""
     w = inner[dim]
@@ -248,7 +223,6 @@ def _inner_points(breaks, coefficients, rational, u, du, piece, last, dim, inner
                 inner[j, n] /= scale[n]
 
 
-@njit(error_model="numpy")
 def _chord_error(breaks, coefficients, rational, u, du, piece, stop, start, end, inner):
     """Largest distance of the inner points from the chord over [u, u + du], or that of the middle if above ``stop``.
 
@@ -292,7 +266,6 @@ def _chord_error(breaks, coefficients, rational, u, du, piece, stop, start, end,
     return np.sqrt(cross2 / chord2)
 
 
-@njit(error_model="numpy")
 def _step_to_tolerance(breaks, coefficients, rational, u, guess, cap, piece, tolerance, start, end, inner):
     """Largest step up to ``cap`` whose chord error is within the tolerance, to 1e-6 of it.
 
@@ -317,7 +290,6 @@ def _step_to_tolerance(breaks, coefficients, rational, u, guess, cap, piece, tol
     return lo
 
 
-@njit(forceinline=True)
 def _stalled(u, du, tiny):
     """Code for a step that leads nowhere, else RUNNING; and the number of tiny steps in a row."""
     if not (du > 0.0 and du < np.inf):
@@ -328,7 +300,6 @@ def _stalled(u, du, tiny):
     return (TOO_LONG if du > _MAX_STEP else RUNNING), tiny
 
 
-@njit(forceinline=True)
 def _published_back_off(breaks, coefficients, rational, u, du, piece, settings, start, end, inner):
     """Multiply the step by theta = 1 - d, 1 - 2 d, ... until the chord error is within the tolerance.
 
@@ -356,7 +327,6 @@ def _published_back_off(breaks, coefficients, rational, u, du, piece, settings, 
     return BACK_OFF, du, theta
 
 
-@njit(forceinline=True)
 def _published_push_up(breaks, coefficients, rational, u, du, piece, settings, start, end, inner):
     """Multiply the step by theta = 1, 1 + 1e-7, ... until the chord error is 0.999 of the tolerance at least.
 
@@ -380,11 +350,6 @@ def _published_push_up(breaks, coefficients, rational, u, du, piece, settings, s
     return du, theta
 
 
-@njit(
-    I64(READ1, READ3, FLAG, READ1, READ3, FLAG, READ1, READ1, READ1, WRITE1, WRITE1, WRITE1),
-    cache=True,
-    error_model="numpy",
-)
 def compat_run(
     breaks, coefficients, rational, e_breaks, e_coefficients, e_rational, velocity, acceleration, settings, state,
     u_out, feed_out,
@@ -418,9 +383,9 @@ def compat_run(
             _add_wrong_bend(u, settings[WRONG_BEND], second)
         way = period * feed
         if settings[EXACT_TAYLOR] > 0.0:
-            du = abs(way / speed - 0.5 * way * way * _dot(first, second) / speed**4)
+            du = abs(way / speed - 0.5 * way * way * _dot(first, second) / _square(_square(speed)))
         else:
-            du = abs(way / speed - 0.5 * way * way * np.sqrt(_dot(second, second)) / speed**3)
+            du = abs(way / speed - 0.5 * way * way * np.sqrt(_dot(second, second)) / (speed * _square(speed)))
         if algorithm >= 2.0 and du < np.inf:
             e_piece = _point(e_breaks, e_coefficients, e_rational, u, e_piece, start)
             if settings[ROOT] > 0.0:
@@ -451,7 +416,6 @@ def compat_run(
     return code
 
 
-@njit(forceinline=True)
 def _next_feed(target, lowest, highest, settings, V, A):
     """Feedrate of the next period by the cases of the table: A faster, B slower, C as it is."""
     period, change = settings[PERIOD], settings[JERK] * settings[PERIOD]
@@ -464,7 +428,6 @@ def _next_feed(target, lowest, highest, settings, V, A):
     return target
 
 
-@njit(error_model="numpy")
 def _fine_steps(breaks, coefficients, rational, u, du, cap, piece, tolerance, start, end, inner):
     """Shrink the step by 0.999 until the chord error is within the tolerance; then grow it by 1.001 up to the cap."""
     for _ in range(_MAX_PASSES):
@@ -482,7 +445,6 @@ def _fine_steps(breaks, coefficients, rational, u, du, cap, piece, tolerance, st
     return du
 
 
-@njit(I64(READ1, READ3, FLAG, READ1, READ1, READ1, WRITE1, WRITE1, WRITE1), cache=True, error_model="numpy")
 def physical_run(breaks, coefficients, rational, velocity, acceleration, settings, state, u_out, feed_out):
     """Run the algorithms with the planned feedrate in the step for up to ``u_out.size`` passes; the last ends at 1."""
     dim = velocity.size
@@ -509,7 +471,7 @@ def physical_run(breaks, coefficients, rational, velocity, acceleration, setting
             feed = _next_feed(target, lowest, highest, settings, V, A)
         A, V = (feed - V) / period, feed
         way = period * feed
-        du = way / speed - 0.5 * way * way * dot / speed**4
+        du = way / speed - 0.5 * way * way * dot / _square(_square(speed))
         if algorithm >= 3.0 and tolerance < np.inf and du > 0.0 and du < np.inf:
             planned = du
             cap = du
@@ -535,7 +497,6 @@ def physical_run(breaks, coefficients, rational, velocity, acceleration, setting
     return code
 
 
-@njit(NOTHING(READ1, READ3, FLAG, READ1, WRITE1), cache=True, error_model="numpy")
 def chord_errors(breaks, coefficients, rational, u, out):
     """Write the chord error between u[k] and u[k + 1] to out[k]."""
     dim = coefficients.shape[1] - 1
@@ -546,7 +507,6 @@ def chord_errors(breaks, coefficients, rational, u, out):
         out[k] = _chord_error(breaks, coefficients, rational, u[k], u[k + 1] - u[k], piece, np.inf, start, end, inner)
 
 
-@njit(NOTHING(READ1, READ3, FLAG, READ1, READ1, READ1, READ1, READ1, WRITE2), cache=True, error_model="numpy")
 def along(breaks, coefficients, rational, u, feed, velocity, acceleration, settings, out):
     """Write what there is to know at every point, ``out (u.size, COLUMNS)``.
 
