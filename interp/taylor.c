@@ -50,16 +50,9 @@ static inline void keep_sample(double *state, Sample at)
     state[PARAMETER] = at.u;
 }
 
-int64_t taylor_step(int64_t order, const double *feed, const double *pieces, double *state)
-{
-    const Shape shape = shape_of(state);
-    const Sample at = next_sample(order, feed, pieces, state, shape, last_sample(state), state + STATE_END + shape.dim);
-    keep_sample(state, at);
-    return at.k >= state[LAST];
-}
-
-void taylor_run(int64_t order, const double *feed, const double *pieces, double *state, int64_t count, double *u,
-                double *positions)
+/* Take count steps.  Called with a constant order, so that the compiler leaves out the terms that this order has not. */
+static inline void run(const int64_t order, const double *feed, const double *pieces, double *state, int64_t count, double *u,
+                       double *positions)
 {
     const Shape shape = shape_of(state);
     Sample at = last_sample(state);
@@ -68,5 +61,24 @@ void taylor_run(int64_t order, const double *feed, const double *pieces, double 
         u[n] = at.u;
     }
     keep_sample(state, at);
-    keep_position(state, shape.dim, positions, count);
+}
+
+void taylor_run(int64_t order, const double *feed, const double *pieces, double *state, int64_t count, double *u,
+                double *positions)
+{
+    if (order == 1)
+        run(1, feed, pieces, state, count, u, positions);
+    else if (order == 2)
+        run(2, feed, pieces, state, count, u, positions);
+    else
+        run(3, feed, pieces, state, count, u, positions);
+    keep_position(state, shape_of(state).dim, positions, count);
+}
+
+int64_t taylor_step(int64_t order, const double *feed, const double *pieces, double *state)
+{
+    const Shape shape = shape_of(state);
+    const Sample at = next_sample(order, feed, pieces, state, shape, last_sample(state), state + STATE_END + shape.dim);
+    keep_sample(state, at);
+    return at.k >= state[LAST];
 }
