@@ -21,7 +21,6 @@ PLAN_KERNELS = (
     "planner.geometry.curve_kernels",
     "planner.plan.utilisation_kernels",
     "planner.plan.solvers.interior_kernels",
-    "planner.verify.motion_kernels",
 )
 
 

@@ -21,7 +21,7 @@ from planner.geometry.continuity import Break, continuity
 from planner.geometry.curve import Curve, FeedCaps, Pieces, axis_names
 from planner.geometry.fit import interpolate
 from planner.geometry.tolerance import PathTolerance
-from planner.types import FloatArray, Side
+from planner.types import BoolArray, FloatArray
 
 _FIT_TOLERANCE = 1e-13  # of the unit tangent
 _MAX_HALVINGS = 24
@@ -95,8 +95,10 @@ class ChainCurve(Curve):
         """From the first edge to the last."""
         return float(self.edges[0]), float(self.edges[-1])
 
-    def _evaluate(self, u: FloatArray, order: int, side: Side) -> FloatArray:
-        piece = np.clip(np.searchsorted(self.edges, u, side=side) - 1, 0, self.kind.size - 1)
+    def _evaluate(self, u: FloatArray, order: int, left: BoolArray) -> FloatArray:
+        after = np.searchsorted(self.edges, u, side="right") - 1
+        before = np.searchsorted(self.edges, u, side="left") - 1
+        piece = np.clip(np.where(left, before, after), 0, self.kind.size - 1)
         return self._on_pieces(piece, u - self.edges[piece])[: order + 1]
 
     def _on_pieces(self, piece: NDArray[np.intp], x: FloatArray) -> FloatArray:

@@ -24,7 +24,7 @@ from planner.geometry.continuity import MAX_DERIVATIVE, Break, continuity
 from planner.geometry.differential import curvature, dot, norm
 from planner.geometry.tolerance import PathTolerance
 from planner.inputs import coordinates, require_side
-from planner.types import FloatArray, Side
+from planner.types import BoolArray, FloatArray, Side
 
 AXES = ("X", "Y", "Z", "A", "B", "C", "U", "V", "W")
 ROTARY_AXES = frozenset("ABC")
@@ -129,8 +129,8 @@ class Curve(ABC):
     made_within: PathTolerance | None = None
 
     @abstractmethod
-    def _evaluate(self, u: FloatArray, order: int, side: Side) -> FloatArray:
-        """Derivatives 0..order at the flat array u within the domain; returns ``(order + 1, n, dim)``."""
+    def _evaluate(self, u: FloatArray, order: int, left: BoolArray) -> FloatArray:
+        """Derivatives 0..order at u (n,) within the domain, from the left where ``left`` (n,); ``(order + 1, n, dim)``."""
 
     @property
     @abstractmethod
@@ -157,7 +157,7 @@ class Curve(ABC):
         linear = tuple(j for j, axis in enumerate(self.axes) if axis not in ROTARY_AXES)
         return self if len(linear) == self.dim else AxesSubset(self, linear)
 
-    def derivatives(self, u: ArrayLike, order: int = 3, *, side: Side = "right") -> FloatArray:
+    def derivatives(self, u: ArrayLike, order: int = 3, *, side: Side | BoolArray = "right") -> FloatArray:
         """Evaluate the machine axes and their derivatives with respect to u.
 
         Parameters
@@ -166,8 +166,9 @@ class Curve(ABC):
             Curve parameters within ``domain``.
         order : int
             Highest derivative, 0 to 3.
-        side : {"right", "left"}
-            Which one-sided value to take at a break.  At the ends of the domain the inner one is taken.
+        side : {"right", "left"} or bool array of the shape of u
+            Which one-sided value to take at a break, of an array the left one where true.  At the ends of the domain
+            the inner one is taken.
 
         Returns
         -------
@@ -181,8 +182,8 @@ class Curve(ABC):
         """
         if not isinstance(order, int | np.integer) or not 0 <= order <= MAX_DERIVATIVE:
             raise InputError(f"order = {order!r} must be 0, 1, 2 or 3")
-        require_side(side)
         points = coordinates(u, "u")
+        left = _is_left(side, points.shape)
         flat = np.ascontiguousarray(points.reshape(-1))
         u0, u1 = self.domain
         outside = ~((flat >= u0) & (flat <= u1))
@@ -191,7 +192,7 @@ class Curve(ABC):
             raise InputError(
                 f"u[{place}] = {float(flat[place])!r} must lie within [{u0!r}, {u1!r}], the domain of {self.name}"
             )
-        return self._evaluate(flat, order, side).reshape((order + 1, *points.shape, self.dim))
+        return self._evaluate(flat, order, left).reshape((order + 1, *points.shape, self.dim))
 
     def curvature(self, u: ArrayLike, *, side: Side = "right") -> FloatArray:
         """Curvature |C' x C''| / |C'|^3 at every u, in 1/mm; 0 where the curve rests."""
@@ -261,8 +262,8 @@ class AxesSubset(Curve):
         """Names of the axes kept."""
         return tuple(self.parent.axes[j] for j in self.columns)
 
-    def _evaluate(self, u: FloatArray, order: int, side: Side) -> FloatArray:
-        return self.parent._evaluate(u, order, side)[..., list(self.columns)]
+    def _evaluate(self, u: FloatArray, order: int, left: BoolArray) -> FloatArray:
+        return np.ascontiguousarray(self.parent._evaluate(u, order, left)[..., list(self.columns)])
 
     @cached_property
     def pieces(self) -> Pieces:
@@ -279,6 +280,16 @@ class AxesSubset(Curve):
 
     def _candidate_breaks(self) -> FloatArray:
         return self.parent._candidate_breaks()
+
+
+def _is_left(side: Side | BoolArray, shape: tuple[int, ...]) -> BoolArray:
+    """Whether each of the points of a shape is seen from the left, flat."""
+    if not isinstance(side, np.ndarray):
+        require_side(side)
+        return np.full(int(np.prod(shape)), side == "left")
+    if side.dtype != np.bool_ or side.shape != shape:
+        raise InputError(f"side is an array {side.shape} of {side.dtype}; it must be bool, of the shape {shape} of u")
+    return np.ascontiguousarray(side.reshape(-1))
 
 
 def axis_names(

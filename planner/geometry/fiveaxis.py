@@ -24,7 +24,7 @@ from planner.geometry.curve import Curve, Pieces, golden_minimum, require_regula
 from planner.geometry.fit import fit_pieces
 from planner.geometry.nurbs import NurbsCurve
 from planner.geometry.tape import Tape
-from planner.types import FloatArray, Side
+from planner.types import BoolArray, FloatArray
 
 _POLE_TOLERANCE = 1e-9  # sin A below this: C has no direction
 _UNWRAP_POINTS_PER_SPAN = 64
@@ -110,8 +110,8 @@ class DualSplineCurve(Curve):
         axis = top - bottom
         return np.unwrap(np.arctan2(axis[:, 0], axis[:, 1]))
 
-    def _evaluate(self, u: FloatArray, order: int, side: Side) -> FloatArray:
-        splines = [spline._evaluate(u, 3, side) for spline in (self.bottom, self.top)]
+    def _evaluate(self, u: FloatArray, order: int, left: BoolArray) -> FloatArray:
+        splines = [spline._evaluate(u, 3, left) for spline in (self.bottom, self.top)]
         taylor = np.concatenate([d.T for spline in splines for d in spline])
         out = _machine_axes()(taylor, order + 1)
         near = np.interp(u, self._scan[0], self._unwrapped)

@@ -21,7 +21,7 @@ from planner.geometry.curve import ROTARY_AXES, Curve, Pieces, axis_names, requi
 from planner.geometry.fit import fit_pieces
 from planner.geometry.tape import Tape
 from planner.inputs import numbers, positive_number, shorten
-from planner.types import FloatArray, Side
+from planner.types import BoolArray, FloatArray
 
 # Number of arguments.  Smooth functions only: a curve with |u| or sign(u) in it would hide its breaks.
 _ARGUMENTS = {
@@ -105,7 +105,7 @@ class FormulaCurve(Curve):
             derivatives.append(casadi.jacobian(derivatives[-1], u))
         return Tape.record(u, derivatives)
 
-    def _evaluate(self, u: FloatArray, order: int, side: Side) -> FloatArray:
+    def _evaluate(self, u: FloatArray, order: int, left: BoolArray) -> FloatArray:
         return self._tape(u[None, :], order + 1)
 
     @cached_property

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from planner.errors import CurveError
 from planner.geometry.curve import DEFAULT_AXES, Curve, Pieces, axis_names, require_regular
 from planner.inputs import numbers, shorten
-from planner.types import FloatArray, Side
+from planner.types import BoolArray, FloatArray
 
 MAX_DEGREE = 100  # a bound on the work; the digits would last longer
 # Sum of a denominator's coefficients against its value: loses one of 16 digits.
@@ -97,8 +97,8 @@ class NurbsCurve(Curve):
         """Parameter range [knots[degree], knots[n]]."""
         return float(self.knots[self.degree]), float(self.knots[-self.degree - 1])
 
-    def _evaluate(self, u: FloatArray, order: int, side: Side) -> FloatArray:
-        return self.pieces.evaluate(u, order, side == "left")
+    def _evaluate(self, u: FloatArray, order: int, left: BoolArray) -> FloatArray:
+        return self.pieces.evaluate(u, order, left)
 
     def _candidate_breaks(self) -> FloatArray:
         return self._spans[1:-1]

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from planner.compiled import core
 from planner.geometry.chord import distance_to_chord
 from planner.geometry.curve import Curve
 from planner.geometry.differential import norm
@@ -20,6 +21,8 @@ from planner.verify.sizes import LENGTH_ACCURACY
 CHORD_PARTS = 16
 _CHORD_STRIDE = 4
 _STARTS_PER_INTERVAL = 24
+# The highest chords are climbed in rounds over this many starts, and as many places on the chord.
+_CLIMB_ROUNDS, _CLIMB_POINTS = 12, 9
 _WORTH_A_LOOK = 1e-3  # of the chord error allowed
 
 
@@ -33,33 +36,25 @@ def profile_chord(motion: Motion, period: float) -> tuple[float, Place]:
     end = float(law.start[-1] + law.h[-1])
     period = min(period, end)
 
-    def parameter(t: FloatArray) -> FloatArray:
-        i, x = law.at(np.minimum(t, end).reshape(-1))
-        return np.asarray(np.clip(law.value(i, x[:, None])[:, 0], u0, u1).reshape(t.shape))
-
     def position(t: FloatArray) -> FloatArray:
-        return np.asarray(tip.derivatives(parameter(t), 0)[0])
+        return np.asarray(tip.derivatives(law.parameters(t.reshape(-1), u0, u1), 0)[0].reshape(*t.shape, -1))
 
     highest = Highest()
     for starts, points, stride in _chords(law, position, period, end):
         height, at = _heights(points, stride, CHORD_PARTS, starts.size)
-        highest.offer(height, at, starts)
+        highest.offer(height[None], at, starts[None])
 
-    start, share = _climb_chords(position, highest.x, highest.index / CHORD_PARTS, period, end)
-    heights = distance_to_chord(position(start + share * period)[:, None], position(start), position(start + period))[
-        :, 0
-    ]
+    start, share, heights = _climb_chords(position, highest.x[0], highest.index[0] / CHORD_PARTS, period, end)
     best = int(heights.argmax())
     t = min(float(start[best] + share[best] * period), end)
-    return float(heights[best]), (t, float(parameter(np.array([t]))[0]))
+    return float(heights[best]), (t, float(law.parameters(np.array([t]), u0, u1)[0]))
 
 
 def _heights(points: FloatArray, stride: int, parts: int, count: int) -> tuple[FloatArray, IntArray]:
     """Largest distance of each of ``count`` chords, from points[i stride] to parts after it, and its point."""
-    from planner.verify.motion_kernels import chord_heights
-
-    height, top = np.empty(count), np.empty(count, dtype=np.intp)
-    chord_heights(np.ascontiguousarray(points), stride, parts, height, top)
+    height, top, dim = np.empty(count), np.empty(count, dtype=np.intp), points.shape[1]
+    work = np.empty(points.size + 2 * (parts + 1))
+    core.chord_heights(count, dim, stride, parts, np.ascontiguousarray(points), height, top, work)
     return height, top
 
 
@@ -89,20 +84,34 @@ def _chords(
 
 def _climb_chords(
     position: Callable[[FloatArray], FloatArray], start: FloatArray, share: FloatArray, period: float, end: float
-) -> tuple[FloatArray, FloatArray]:
-    """Move start and place (share of the period) of each chord to the highest distance nearby."""
-    steps = np.linspace(-1.0, 1.0, 9)
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Move start and place (share of the period) of each chord to the highest distance nearby; and that distance."""
+    steps = np.linspace(-1.0, 1.0, _CLIMB_POINTS)
     half_start, half_share = period * _CHORD_STRIDE / CHORD_PARTS, 1.0 / CHORD_PARTS
-    for _ in range(12):
+    index = np.arange(start.size)
+    for _ in range(_CLIMB_ROUNDS):
         starts = np.clip(start[:, None] + half_start * steps, 0.0, end)
         shares = np.clip(share[:, None] + half_share * steps, 0.0, 1.0)
-        points = position(starts[:, :, None] + shares[:, None, :] * period)
-        heights = distance_to_chord(points, position(starts), position(starts + period))
-        best = heights.reshape(start.size, -1).argmax(axis=1)
-        start = starts[np.arange(start.size), best // steps.size]
-        share = shares[np.arange(start.size), best % steps.size]
+        heights, best = _highest_of(position, starts, shares, period)
+        start = starts[index, best // steps.size]
+        share = shares[index, best % steps.size]
         half_start, half_share = half_start / 3.0, half_share / 3.0  # a spacing is a quarter of the half-width
-    return start, share
+    return start, share, heights
+
+
+def _highest_of(
+    position: Callable[[FloatArray], FloatArray], starts: FloatArray, shares: FloatArray, period: float
+) -> tuple[FloatArray, IntArray]:
+    """Largest distance from chords, each row's on its own, and where it is: chord times k plus place.
+
+    The chords begin at starts (n, m); the places are at shares (n, k) of the period.
+    """
+    within = np.concatenate([np.tile([0.0, 1.0], (shares.shape[0], 1)), shares], axis=1)
+    points = position(starts[:, :, None] + within[:, None, :] * period)
+    height, top = np.empty(starts.shape[0]), np.empty(starts.shape[0], dtype=np.intp)
+    work = np.empty(shares.shape[1] * (points.shape[-1] + 2))
+    core.chord_tops(*starts.shape, shares.shape[1], points.shape[-1], points, height, top, work)
+    return height, top
 
 
 def sample_chord(
@@ -131,14 +140,14 @@ def sample_chord(
     order = np.argsort(-bound, kind="stable")
     for some in chunks(begin.size, density):
         k = order[some]
-        least = highest.height[-1] if highest.height.size == CANDIDATES else 0.0
+        least = highest.height[0, -1] if highest.height.size == CANDIDATES else 0.0
         if some[0] > 0 and bound[k[0]] < max(least, _WORTH_A_LOOK * allowed):
             break
         height, at = _heights(between(k, grid).reshape(k.size * density, tip.dim), density, density - 1, k.size)
-        highest.offer(height, k, grid[at])
-    top = highest.index
+        highest.offer(height[None], k, grid[at][None])
+    top = highest.index[0]
     half = np.full(top.size, 1.0 / (density - 1))
-    x = zoom(lambda trial: distance(top, trial), highest.x, half, np.zeros(half.size), np.ones(half.size))
+    x = zoom(lambda trial: distance(top, trial), highest.x[0], half, np.zeros(half.size), np.ones(half.size))
     heights = distance(top, x[:, None])[:, 0]
     best = int(heights.argmax())
     first, share = int(top[best]), float(x[best])

@@ -21,7 +21,7 @@ from planner.machine.limits import Limits
 from planner.profile import BINDING_SHARE, FeedrateProfile
 from planner.quantity import CHORD_ERROR, FEED, NONE, with_label
 from planner.types import FloatArray, IntArray
-from planner.verify.motion import Quintics
+from planner.verify.motion import Quintics, measure_points
 from planner.verify.quantities import ALONG, names, sizes_of
 
 BINDING_TOLERANCE = 1e-3  # of a limit
@@ -75,8 +75,6 @@ class Nodes:
     @classmethod
     def of(cls, curve: Curve, profile: FeedrateProfile) -> Nodes:
         """Measure the nodes of a plan whose times increase."""
-        from planner.verify.motion_kernels import measure_points
-
         law = Quintics.of(profile)
         moves = np.diff(profile.t) > 0.0
         left = ~np.append(moves, False)
@@ -87,8 +85,7 @@ class Nodes:
         tip = d if curve.tip is curve else curve.tip.pieces.evaluate(u, 3, left)
         third = law.rates(interval, left[:, None].astype(np.float64))[2, :, 0]
         rates = np.ascontiguousarray(np.stack([profile.u_rate, profile.u_acceleration, third])[:, :, None])
-        values, slack = np.empty((2, len(names(curve.dim)), u.size, 1))
-        measure_points(d, tip, tip is d, rates, np.ascontiguousarray(law.slack[:, interval].T), values, slack)
+        values, slack = measure_points(d, tip, tip is d, rates, np.ascontiguousarray(law.slack[:, interval].T))
         p1, p2, p3 = (norm(tip[k]) for k in (1, 2, 3))
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             u1, u2, u3 = np.abs(rates[:, :, 0])

@@ -7,9 +7,10 @@ from typing import Protocol
 
 import numpy as np
 
+from planner.compiled import core
 from planner.geometry.curve import Curve
 from planner.geometry.differential import norm
-from planner.types import FloatArray, IntArray
+from planner.types import BoolArray, FloatArray, IntArray
 from planner.verify.quantities import names
 from planner.verify.sizes import EPS, ON_KNOT, ON_KNOT_OF_GAP
 
@@ -73,15 +74,23 @@ class Quintics:
         return np.asarray(self._evaluate(i, x, 1)[0])
 
     def rates(self, i: IntArray, x: FloatArray) -> FloatArray:
-        """First three time derivatives of u, (3, n, k); at the nodes the first two as tabulated."""
+        """First three time derivatives of u on the intervals i (n,) at x (n, k), (3, n, k).
+
+        At the ends of an interval u' and u'' are those of the table.
+        """
         return self._evaluate(i, x, 4)[1:]
+
+    def parameters(self, t: FloatArray, low: float, high: float) -> FloatArray:
+        """Evaluate u at times t (n,), held at the last node and within low .. high."""
+        u = np.empty(t.size)
+        core.law_parameters(self.h.size, self.start, self.h, self.ends, self.coefficients, t.size, t, low, high, u)
+        return u
 
     def _evaluate(self, i: IntArray, x: FloatArray, count: int) -> FloatArray:
         """Evaluate u, or with count = 4 u and its three derivatives, (count, n, k)."""
-        from planner.verify.motion_kernels import time_law
-
         out = np.empty((count, *x.shape))
-        time_law(self.coefficients, self.h, self.ends, i, np.ascontiguousarray(x), out)
+        x = np.ascontiguousarray(x)
+        core.law_values(self.h.size, self.h, self.ends, self.coefficients, *x.shape, i, x, count, out)
         return out
 
     def crossing(self, i: IntArray, u: FloatArray) -> FloatArray:
@@ -95,10 +104,8 @@ class Quintics:
 
     def at(self, t: FloatArray) -> tuple[IntArray, FloatArray]:
         """Interval and x of each time, flat."""
-        from planner.verify.motion_kernels import locate
-
         i, x = np.empty(t.size, dtype=np.intp), np.empty(t.size)
-        locate(self.start, self.h, t, i, x)
+        core.law_locate(self.h.size, self.start, self.h, t.size, t, i, x)
         return i, x
 
 
@@ -135,7 +142,8 @@ class Motion:
         parts = np.maximum(np.searchsorted(knots, u_ends[1], side="left") - first, 0) + 1
         interval = np.repeat(np.arange(law.h.size), parts)
         part = np.arange(interval.size) - np.repeat(np.cumsum(parts) - parts, parts)
-        lower, upper, u_ends = np.zeros(interval.size), np.ones(interval.size), u_ends[:, interval]
+        lower, upper = np.zeros(interval.size), np.ones(interval.size)
+        u_ends = np.ascontiguousarray(u_ends[:, interval])
         cut = np.flatnonzero(part > 0)
         at = knots[first[interval[cut]] + part[cut] - 1]
         lower[cut] = upper[cut - 1] = law.crossing(interval[cut], at)
@@ -149,8 +157,16 @@ class Motion:
 
     def parameter(self, span: IntArray, x: FloatArray) -> FloatArray:
         """Curve parameter on the spans (n,) at x (n, k), within the span's ends."""
-        ends = np.sort(self.u_ends[:, span], axis=0)
-        return np.clip(self.law.value(self.interval[span], x), ends[0, :, None], ends[1, :, None])
+        return self._place(span, x)[0]
+
+    def _place(self, span: IntArray, x: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """Curve parameter on the spans (n,) at x (n, k), and where it is seen from the left, to be inside the span."""
+        law, x = self.law, np.ascontiguousarray(x)
+        u, left = np.empty(x.shape), np.empty(x.shape, dtype=np.bool_)
+        table = law.h.size, law.h, law.ends, law.coefficients
+        spans = self.interval.size, self.interval, self.upper, self.u_ends
+        core.motion_place(*table, *spans, *x.shape, span, x, u, left)
+        return u, left
 
     def grid(self, span: IntArray, density: int) -> FloatArray:
         """Equidistant x on each span, (n, density), both ends included exactly."""
@@ -165,29 +181,40 @@ class Motion:
         inside it, and whether these are the same; time derivatives of u (3, n, k), and what rounding can change in
         them (n, 3).
         """
-        i, tip = self.interval[span], self.curve.tip
-        d, cartesian = self._one_sided(self.curve, span, x, 3), tip is self.curve
-        p = d if cartesian else self._one_sided(tip, span, x, 3)
+        i, tip, (u, left) = self.interval[span], self.curve.tip, self._place(span, x)
+        d = self.curve.derivatives(u.reshape(-1), 3, side=left.reshape(-1))
+        cartesian = tip is self.curve
+        p = d if cartesian else tip.derivatives(u.reshape(-1), 3, side=left.reshape(-1))
         return d, p, cartesian, self.law.rates(i, x), np.ascontiguousarray(self.law.slack[:, i].T)
 
     def measure(self, span: IntArray, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Signed values and slack of every quantity, (quantities, n, k), on the spans (n,) at x (n, k)."""
-        from planner.verify.motion_kernels import measure_points
-
-        values, slack = np.empty((2, len(names(self.curve.dim)), *x.shape))
-        measure_points(*self.states(span, x), values, slack)
-        return values, slack
+        return measure_points(*self.states(span, x))
 
     def feed(self, span: IntArray, x: FloatArray) -> FloatArray:
         """Speed of the tool tip, in the direction of u, on the spans (n,) at x (n, k)."""
-        slope = self._one_sided(self.curve.tip, span, x, 1)[1]
-        return np.asarray(norm(slope).reshape(x.shape) * self.law.rates(self.interval[span], x)[0])
+        u, left = self._place(span, x)
+        slope = self.curve.tip.derivatives(u, 1, side=left)[1]
+        return np.asarray(norm(slope) * self.law.rates(self.interval[span], x)[0])
 
-    def _one_sided(self, curve: Curve, span: IntArray, x: FloatArray, order: int) -> FloatArray:
-        """Derivatives of the curve or its tip, (order + 1, n k, dim), where a span ends from inside it."""
-        u = self.parameter(span, x)
-        from_left = np.flatnonzero((u >= self.u_ends[1, span, None]) | (x >= self.upper[span, None]))
-        d = curve.derivatives(u.reshape(-1), order)
-        if from_left.size:
-            d[:, from_left] = curve.derivatives(u.reshape(-1)[from_left], order, side="left")
-        return np.ascontiguousarray(d)
+
+def measure_points(
+    d: FloatArray, p: FloatArray, cartesian: bool, rates: FloatArray, slack: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Values of all quantities and their slack, (quantities, n, k), on n spans at k points each.
+
+    Parameters
+    ----------
+    d, p : (4, n k, dim) and (4, n k, tip) arrays
+        Derivatives of the machine axes and of the tool tip with respect to u.
+    cartesian : bool
+        The two are the same.
+    rates : (3, n, k) array
+        Time derivatives of u.
+    slack : (n, 3) array
+        What rounding can change in these.
+    """
+    shape, dim = rates.shape[1:], d.shape[2]
+    values, granted = np.empty((2, len(names(dim)), *shape))
+    core.motion_measure(*shape, dim, p.shape[2], d, None if cartesian else p, rates, slack, values, granted)
+    return values, granted

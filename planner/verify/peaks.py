@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from planner.compiled import core
 from planner.types import FloatArray, IntArray
 
 # Points evaluated at once; bounds the memory, changes no result.
@@ -29,25 +30,32 @@ def peaks(heights: FloatArray) -> tuple[FloatArray, IntArray]:
 
 
 class Highest:
-    """The highest few of what is offered, highest first; of equal ones the earliest, however they are cut into chunks."""
+    """The highest few of what is offered, in rows, highest first; of equal ones the earliest, whatever the chunks."""
 
-    def __init__(self) -> None:
-        self.height = np.zeros(0)
-        self.index: IntArray = np.zeros(0, dtype=np.intp)
-        self.x = np.zeros(0)
+    def __init__(self, rows: int = 1) -> None:
+        self._kept = np.zeros(rows, dtype=np.intp)
+        self._height, self._x = np.zeros((2, rows, CANDIDATES))
+        self._index = np.zeros((rows, CANDIDATES), dtype=np.intp)
+
+    @property
+    def height(self) -> FloatArray:
+        """Heights of those kept, (rows, candidates); every row keeps as many."""
+        return np.ascontiguousarray(self._height[:, : self._kept[0]])
+
+    @property
+    def index(self) -> IntArray:
+        """What they are known by, (rows, candidates)."""
+        return np.ascontiguousarray(self._index[:, : self._kept[0]])
+
+    @property
+    def x(self) -> FloatArray:
+        """Place of each, (rows, candidates)."""
+        return np.ascontiguousarray(self._x[:, : self._kept[0]])
 
     def offer(self, height: FloatArray, index: IntArray, x: FloatArray) -> None:
-        """Take the highest of these, known by their index and the place x of each, among those kept."""
-        if self.height.size == CANDIDATES:
-            some = np.flatnonzero(height > self.height[-1])
-            if some.size == 0:
-                return
-            height, index, x = height[some], index[some], x[some]
-        height = np.concatenate([self.height, height])
-        order = np.argsort(-height, kind="stable")[:CANDIDATES]
-        self.height = height[order]
-        self.index = np.concatenate([self.index, index])[order]
-        self.x = np.concatenate([self.x, x])[order]
+        """Take the highest of these, (rows, n), known by their index (n,) and the place x (rows, n) of each."""
+        rows = self._kept.size, index.size
+        core.peaks_keep(*rows, height, index, x, CANDIDATES, self._kept, self._height, self._index, self._x)
 
 
 def zoom(

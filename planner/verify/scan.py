@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from planner.compiled import core
 from planner.geometry.curve import FeedCaps
 from planner.machine.limits import Limits
 from planner.types import FloatArray, IntArray
@@ -31,6 +32,8 @@ class Scan:
         Steps of axis velocity and acceleration where spans meet; first and last entry: against a standstill.
     along : (spans + 1,)
         Steps of the tangential acceleration there; where the tip comes to rest, which may turn it back, those of its size.
+    feed, feed_place : (spans,), of a curve with caps on its feed
+        Highest feed at the points of each span, and x there.
     """
 
     top_span: IntArray
@@ -39,35 +42,53 @@ class Scan:
     jerk: FloatArray
     steps: FloatArray
     along: FloatArray
+    feed: FloatArray | None
+    feed_place: FloatArray | None
 
 
 def scan_spans(motion: Motion, density: int) -> Scan:
     """Measure every span at ``density`` points, both ends included, and keep the highest."""
-    from planner.verify.motion_kernels import measure_spans
-
-    dim, spans = motion.curve.dim, motion.interval.size
+    dim, spans, tip = motion.curve.dim, motion.interval.size, motion.curve.tip.dim
     count = len(names(dim))
-    tops = [Highest() for _ in range(count)]
-    largest = np.zeros(count)
+    tops = Highest(count)
+    largest, work = np.zeros(count), np.empty((count, density))
     jerk = np.empty((dim, spans))
     steps = np.zeros((2, spans + 1, dim))
     before, after = np.zeros((2, spans + 1)), np.zeros((2, spans + 1))
+    feed, feed_place = np.empty((2, spans)) if motion.curve.feed_caps is not None else (None, None)
     for span in chunks(spans, density):
+        some = slice(span[0], span[-1] + 1)
         x = motion.grid(span, density)
-        ends, height = np.empty((2, count, span.size)), np.empty((count, span.size))
-        top, chunk_jerk = np.empty((count, span.size), dtype=np.intp), np.empty((dim, span.size))
-        measure_spans(*motion.states(span, x), ends, height, top, largest, chunk_jerk)
-        jerk[:, span] = chunk_jerk
+        ends, kept = np.empty((2, count, span.size)), np.empty((2, count, span.size))
+        d, p, cartesian, rates, slack = motion.states(span, x)
+        of_chunk = np.empty((dim, span.size))
+        feeds = (None, None) if feed is None or feed_place is None else (feed[some], feed_place[some])
+        core.scan_measure(
+            *x.shape,
+            dim,
+            tip,
+            d,
+            None if cartesian else p,
+            rates,
+            slack,
+            x,
+            ends,
+            *kept,
+            largest,
+            of_chunk,
+            *feeds,
+            work,
+        )
+        jerk[:, some] = of_chunk
         for k in range(2):
             first, last = ends[:, axis_rows(dim, k)]
-            steps[k, span] += first.T
-            steps[k, span + 1] -= last.T
-        after[:, span], before[:, span + 1] = ends[0, :2], ends[1, :2]
-        for kept, heights, at in zip(tops, height, top, strict=True):
-            kept.offer(heights, span, x[np.arange(span.size), at])
+            steps[k, some] += first.T
+            steps[k, some.start + 1 : some.stop + 1] -= last.T
+        after[:, some], before[:, some.start + 1 : some.stop + 1] = ends[0, :2], ends[1, :2]
+        tops.offer(kept[0], span, kept[1])
     rests = np.minimum(before[0], after[0]) <= VELOCITY_STEP * largest[0]
     along = np.where(rests, np.abs(after[1]) - np.abs(before[1]), after[1] - before[1])
-    return Scan(np.stack([top.index for top in tops]), np.stack([top.x for top in tops]), largest, jerk, steps, along)
+    return Scan(tops.index, tops.x, largest, jerk, steps, along, feed, feed_place)
 
 
 def worst_of(motion: Motion, scan: Scan, density: int) -> Iterator[tuple[str, int, float, float, Place]]:

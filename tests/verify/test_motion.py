@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import importlib
-
+import motion_reference as plain
 import numpy as np
 import pytest
 
 from planner import load_curve
+from planner.compiled import core
+from planner.geometry.chord import distance_to_chord
 from planner.law import TimeLaw
 from planner.machine.limits import Limits
 from planner.profile import make_profile
-from planner.verify.motion import Motion, Quintics
+from planner.verify.motion import Motion, Quintics, measure_points
 from planner.verify.peaks import CANDIDATES, Highest, peaks
 from planner.verify.quantities import REVERSAL, axis_rows, names
-
-kernels = importlib.import_module("planner.verify.motion_kernels")
 
 
 def plan_on(name, count=37):
@@ -36,6 +35,18 @@ def motion(request):
     """On a Cartesian machine, and on one whose tool tip is not made of the machine axes."""
     profile = plan_on(request.param)
     return Motion.of(profile.curve, Quintics.of(profile))
+
+
+def scanned(states, x):
+    """What the scan keeps of spans at x (n, k): ends, height, place, largest, jerk, feed and its place."""
+    d, p, cartesian, rates, slack = states
+    count, dim, spans = len(names(d.shape[2])), d.shape[2], x.shape[0]
+    ends, height, place = np.empty((2, count, spans)), *np.empty((2, count, spans))
+    largest, jerk, feed, feed_place = np.zeros(count), np.empty((dim, spans)), *np.empty((2, spans))
+    kept = ends, height, place, largest, jerk, feed, feed_place
+    work = np.empty((count, x.shape[1]))
+    core.scan_measure(*x.shape, dim, p.shape[2], d, None if cartesian else p, rates, slack, x, *kept, work)
+    return kept
 
 
 def chained(d, rates):
@@ -70,8 +81,7 @@ def test_the_slack_along_the_tip_is_that_of_all_terms(motion):
     x = motion.grid(span, 7)
     d, p, cartesian, rates, _ = motion.states(span, x)
     error = np.tile([1e-3, 1e-2, 1e-1], (span.size, 1))
-    values, slack = np.empty((2, len(names(motion.curve.dim)), *x.shape))
-    kernels.measure_points(d, p, cartesian, rates, error, values, slack)
+    _, slack = measure_points(d, p, cartesian, rates, error)
     high = np.abs(rates) + error.T[:, :, None]
     expected = np.linalg.norm(chained(np.abs(p), high) - chained(np.abs(p), np.abs(rates)), axis=-1)
     speed = np.linalg.norm(p[1], axis=-1)
@@ -88,12 +98,10 @@ def test_slack_is_what_errors_of_the_rates_can_change(motion):
     x = motion.grid(span, 7)
     d, p, cartesian, rates, _ = motion.states(span, x)
     error = np.tile([1e-6, 1e-5, 1e-4], (span.size, 1))
-    shape = (len(names(motion.curve.dim)), *x.shape)
-    values, slack, moved, unused = (np.empty(shape) for _ in range(4))
-    kernels.measure_points(d, p, cartesian, rates, error, values, slack)
-    largest = np.zeros(shape)
+    values, slack = measure_points(d, p, cartesian, rates, error)
+    largest = np.zeros(values.shape)
     for signs in np.stack(np.meshgrid(*[[-1.0, 1.0]] * 3), axis=-1).reshape(-1, 3):
-        kernels.measure_points(d, p, cartesian, rates + (error * signs).T[:, :, None], error, moved, unused)
+        moved, _ = measure_points(d, p, cartesian, rates + (error * signs).T[:, :, None], error)
         np.maximum(largest, np.abs(moved - values), out=largest)
     size = np.abs(values).max(axis=(1, 2), keepdims=True)
     assert (largest <= slack + 1e-12 * size).all()
@@ -106,32 +114,59 @@ def test_slack_is_what_errors_of_the_rates_can_change(motion):
 def test_the_peaks_of_spans_are_those_of_all_their_points(motion, density):
     span = np.arange(motion.interval.size)
     x = motion.grid(span, density)
-    states, count, dim = motion.states(span, x), len(names(motion.curve.dim)), motion.curve.dim
-    ends, height, top = np.empty((2, count, span.size)), np.empty((count, span.size)), np.empty((count, span.size), int)
-    largest, jerk = np.zeros(count), np.empty((dim, span.size))
-    kernels.measure_spans(*states, ends, height, top, largest, jerk)
+    dim = motion.curve.dim
+    ends, height, place, largest, jerk, feed, feed_place = scanned(motion.states(span, x), x)
     values, slack = motion.measure(span, x)
     sizes = np.abs(values)
     sizes[REVERSAL] = values[REVERSAL]
     expected, at = peaks(sizes - slack)
-    assert (top == at).all()
+    assert (place == x[span, at]).all()
     assert height == pytest.approx(expected, rel=1e-12, abs=1e-300)
     assert jerk == pytest.approx(peaks(np.maximum(sizes - slack, 0.0)[-dim:])[0], rel=1e-12, abs=1e-300)
     assert (largest == np.maximum((sizes - slack).max(axis=(1, 2)), 0.0)).all()
     assert (ends == np.moveaxis(values[:, :, [0, -1]], -1, 0)).all()
+    assert (feed == values[0].max(axis=1)).all()
+    assert (feed_place == x[span, values[0].argmax(axis=1)]).all()
+
+
+@pytest.mark.parametrize("density", [1, 2, 7, 24, 32, 33, 70])
+def test_compiled_measurement_has_the_bits_of_the_plain_one(motion, density):
+    """At random states: some points of them rest, turn back, or hold no number."""
+    rng = np.random.default_rng(density)
+    spans, dim, tip = 6, motion.curve.dim, motion.curve.tip.dim
+    cartesian = motion.curve.tip is motion.curve
+    d = rng.normal(size=(4, spans * density, dim))
+    d[1, ::5] = 0.0
+    d[2, ::25] = 0.0
+    p = d if cartesian else rng.normal(size=(4, spans * density, tip))
+    rates, slack = rng.normal(size=(3, spans, density)), 1e-3 * rng.uniform(size=(spans, 3))
+    for k, value in enumerate([np.nan, np.inf, -np.inf, 0.0]):
+        rates[rng.integers(3), k, rng.integers(density)] = value
+    slack[4] = np.inf
+    states, count = (d, p, cartesian, rates, slack), len(names(dim))
+    expected = np.empty((2, count, spans, density))
+    with np.errstate(all="ignore"):
+        plain.measure_points(*states, *expected)
+    assert np.array_equal(np.stack(measure_points(*states)), expected, equal_nan=True)
+    x = rng.uniform(size=(spans, density))
+    ends, height, top = np.empty((2, count, spans)), np.empty((count, spans)), np.empty((count, spans), dtype=int)
+    largest, jerk = np.zeros(count), np.empty((dim, spans))
+    with np.errstate(all="ignore"):
+        plain.measure_spans(*states, ends, height, top, largest, jerk)
+    found = scanned(states, x)
+    for one, other in zip(found, (ends, height, x[np.arange(spans), top], largest, jerk), strict=False):
+        assert np.array_equal(one, other, equal_nan=True)
 
 
 def test_what_is_not_a_number_is_the_highest(motion):
     span = np.arange(8)
     d, p, cartesian, rates, slack = motion.states(span, motion.grid(span, 24))
-    count, dim = len(names(motion.curve.dim)), motion.curve.dim
     rates[2, 5, 11] = np.nan
-    height, top = np.empty((count, 8)), np.empty((count, 8), dtype=np.intp)
-    jerk = np.empty((dim, 8))
-    kernels.measure_spans(d, p, cartesian, rates, slack, np.empty((2, count, 8)), height, top, np.zeros(count), jerk)
-    rows = axis_rows(dim, 2)
+    x = np.tile(np.arange(24.0), (8, 1))
+    _, height, place, _, jerk, *_ = scanned((d, p, cartesian, rates, slack), x)
+    rows = axis_rows(motion.curve.dim, 2)
     assert (height[rows, 5] == np.inf).all()
-    assert (top[rows, 5] == 11).all()
+    assert (place[rows, 5] == 11.0).all()
     assert (jerk[:, 5] == np.inf).all()
     assert np.isfinite(np.delete(height, 5, axis=1)).all()
 
@@ -156,14 +191,64 @@ def test_the_law_is_that_of_the_profile():
     assert (law.value(every, np.ones((every.size, 1)))[:, 0] == profile.u[1:]).all()
 
 
+def test_compiled_law_has_the_bits_of_the_plain_one():
+    law = Quintics.of(plan_on("circle"))
+    rng = np.random.default_rng(8)
+    end = law.start[-1] + law.h[-1]
+    t = np.concatenate(
+        [rng.uniform(0.0, end, 300), law.start, np.sort(rng.uniform(0.0, end, 300)), [0.0, end, 2.0 * end]]
+    )
+    i, x = np.empty(t.size, dtype=np.intp), np.empty(t.size)
+    plain.locate(law.start, law.h, t, i, x)
+    assert all((one == other).all() for one, other in zip(law.at(t), (i, x), strict=True))
+    x = np.concatenate([rng.uniform(size=(i.size, 3)), np.zeros((i.size, 1)), np.ones((i.size, 1))], axis=1)
+    out = np.empty((4, *x.shape))
+    plain.time_law(law.coefficients, law.h, law.ends, i, x, out)
+    assert (law.value(i, x) == out[0]).all()
+    assert (law.rates(i, x) == out[1:]).all()
+    low, high = 0.1, 5.0  # u at a time, held at the end of the law, within a range
+    expected = np.clip(
+        law.value(*(part[:, None] if part.dtype == float else part for part in law.at(t)))[:, 0], low, high
+    )
+    assert (law.parameters(t, low, high) == expected).all()
+
+
+def chord_heights(points, stride, parts, count):
+    height, top = np.empty(count), np.empty(count, dtype=np.intp)
+    work = np.empty(points.size + 2 * (parts + 1))
+    core.chord_heights(count, points.shape[1], stride, parts, points, height, top, work)
+    return height, top
+
+
+@pytest.mark.parametrize(("dim", "stride", "parts"), [(2, 4, 16), (3, 9, 8), (1, 1, 3), (6, 24, 23)])
+def test_compiled_chords_have_the_bits_of_the_plain_ones(dim, stride, parts):
+    points = np.cumsum(np.random.default_rng(dim).normal(size=(40 * stride + parts + 1, dim)), axis=0)
+    points[2 * stride + parts] = points[2 * stride]
+    points[7 * stride : 9 * stride] = points[7 * stride]
+    expected = np.empty(40), np.empty(40, dtype=np.intp)
+    plain.chord_heights(points, stride, parts, *expected)
+    for one, other in zip(chord_heights(points, stride, parts, 40), expected, strict=True):
+        assert (one == other).all()
+
+
+def test_the_top_of_a_group_of_chords_is_the_highest_of_all_their_points():
+    rng = np.random.default_rng(6)
+    groups, chords, parts = 5, 9, 9
+    points = rng.normal(size=(groups, chords, parts + 2, 2))
+    height, top = np.empty(groups), np.empty(groups, dtype=np.intp)
+    core.chord_tops(groups, chords, parts, 2, points, height, top, np.empty(parts * 4))
+    expected = distance_to_chord(points[:, :, 2:], points[:, :, 0], points[:, :, 1]).reshape(groups, -1)
+    assert (top == expected.argmax(axis=1)).all()
+    assert height == pytest.approx(expected.max(axis=1), rel=1e-14)
+
+
 @pytest.mark.parametrize(("dim", "stride"), [(2, 3), (3, 9)])
 def test_heights_of_chords_are_distances_to_segments(dim, stride):
     """The nearest of many points of each segment, in every direction; one chord has no length."""
     parts, count = 8, 12
     points = np.cumsum(np.random.default_rng(dim).normal(size=(count * stride + parts + 1, dim)), axis=0)
     points[2 * stride + parts] = points[2 * stride]
-    height, top = np.empty(count), np.empty(count, dtype=np.intp)
-    kernels.chord_heights(points, stride, parts, height, top)
+    height, top = chord_heights(points, stride, parts, count)
     share = np.linspace(0.0, 1.0, 20_001)[:, None]
     for i in range(count):
         part = points[i * stride : i * stride + parts + 1]
@@ -178,9 +263,18 @@ def test_of_equal_heights_the_earliest_are_kept_however_they_come():
     height, x = rng.integers(0, 6, 200).astype(float), rng.uniform(size=200)
     order = np.lexsort([np.arange(200), -height])[:CANDIDATES]
     for size in (1, 7, 64, 200):
-        highest = Highest()
+        highest = Highest(2)
         for first in range(0, 200, size):
             some = np.arange(first, min(first + size, 200))
-            highest.offer(height[some], some, x[some])
-        assert highest.index.tolist() == order.tolist()
-        assert highest.x.tolist() == x[order].tolist()
+            highest.offer(np.stack([-height[some], height[some]]), some, np.stack([x[some], x[some]]))
+        assert highest.index[1].tolist() == order.tolist()
+        assert highest.x[1].tolist() == x[order].tolist()
+        assert highest.height[0].tolist() == np.sort(-height)[::-1][:CANDIDATES].tolist()
+
+
+def test_fewer_than_there_is_room_for_are_all_kept():
+    highest = Highest()
+    highest.offer(np.array([[1.0, 3.0, 2.0]]), np.arange(3), np.array([[0.1, 0.3, 0.2]]))
+    assert highest.height.tolist() == [[3.0, 2.0, 1.0]]
+    assert highest.index.tolist() == [[1, 2, 0]]
+    assert highest.x.tolist() == [[0.3, 0.2, 0.1]]

@@ -6,6 +6,7 @@ import ast
 import dataclasses
 import importlib
 import inspect
+import re
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +31,7 @@ from check_plans import (
 
 import planner.law
 from planner import quantity
+from planner.compiled import prototypes
 from planner.errors import InputError
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
@@ -312,19 +314,18 @@ def test_the_check_knows_nothing_of_the_planner():
     assert "numpy" not in Path(quantity.__file__).read_text(encoding="utf-8")
     assert shared == {
         "planner.certificate.Certificate",
+        "planner.compiled.core",  # of which only what its own header declares, see below
         "planner.certificate.CertificateSection",
         "planner.errors.InputError",
         "planner.geometry.curve.Curve",
         "planner.frames.Tabular",  # how a report shows itself
         "planner.geometry.curve.FeedCaps",
+        "planner.types.BoolArray",
         "planner.types.FloatArray",
         "planner.types.IntArray",
         # held by oracles of their own, tests/geometry/test_differential.py and test_chord.py
         "planner.geometry.chord.distance_to_chord",
         *(f"planner.geometry.differential.{name}" for name in ("chain_rule", "curvature", "dot", "norm")),
-        "planner.geometry.differential_kernels.chain_rule",
-        *(f"planner.geometry.curve_kernels.{name}" for name in ("FLAG", "I64", "NOTHING", "find_piece")),
-        *(f"planner.geometry.curve_kernels.{access}{n}" for access in ("READ", "WRITE") for n in (1, 2, 3)),
         "planner.inputs.require_instance",
         "planner.machine.limits.Limits",
         "planner.machine.limits.require_limits",
@@ -333,6 +334,16 @@ def test_the_check_knows_nothing_of_the_planner():
         "planner.samples.Samples",
     }
     assert not [node for node in nodes if isinstance(node, ast.Import) and "planner" in ast.dump(node)]
+    room = Path(inspect.getfile(package)).parent
+    called = {name for file in files for name in re.findall(r"\bcore\.(\w+)\(", file.read_text(encoding="utf-8"))}
+    assert called == set(prototypes((room / "verify.h").read_text(encoding="utf-8")))
+    source = "".join(file.read_text(encoding="utf-8") for file in room.rglob("*.[ch]"))
+    included = {name for name in re.findall('#include "(.*)"', source) if not name.startswith("planner/verify/")}
+    assert included == {
+        "planner/core.h",
+        "planner/geometry/curve_inline.h",  # find_piece, a bisection
+        "planner/geometry/differential_inline.h",  # the chain rule, held by test_differential.py
+    }
 
 
 def test_types_are_what_they_say(line, line_limits, line_plan):

@@ -1,37 +1,40 @@
-"""Compiled measurement of a plan: what each point of it means for axes and tool tip, and the highest points.
+"""Plain reference of the compiled measurement of a plan: what each point of it means, and the highest points.
 
 The quantities of a point, in the rows of ``quantities.py``, follow from the derivatives ``d (4, m, dim)`` of the machine
 axes and ``p (4, m, tip)`` of the tool tip with respect to u (the same array if ``cartesian``), and from
 the first three time derivatives of u.
 
-Everything is looked at in plain loops, point by point, since on short axes the passes of array arithmetic cost several
-times what the arithmetic does.
+Everything is looked at in plain loops, point by point; the compiled code must give the same bits.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, types
 
-from planner.geometry.curve_kernels import FLAG, I64, NOTHING, READ1, READ2, READ3, WRITE1, WRITE2, WRITE3, find_piece
-from planner.geometry.differential_kernels import chain_rule
 from planner.verify.quantities import FIRST_AXIS, REVERSAL
 
-INDEX1, INDEX2 = (types.Array(types.intp, n, "C") for n in (1, 2))
-INDEX_READ = types.Array(types.intp, 1, "C", readonly=True)
+
+def _square(x):
+    return x * x
 
 
-@njit(NOTHING(READ1, READ1, READ1, INDEX1, WRITE1), cache=True)
+def _cube(x):
+    return x * x * x
+
+
+def chain_rule(q1, q2, q3, u1, u2, u3):
+    """First three derivatives of q(u(t)) with respect to t."""
+    return q1 * u1, q2 * (u1 * u1) + q1 * u2, q3 * (u1 * u1 * u1) + q2 * (3.0 * u1 * u2) + q1 * u3
+
+
 def locate(start, h, t, interval, x):
     """Write the interval that holds each time, and the share x of it that has passed."""
-    i = 0
     for n in range(t.size):
-        i = start.size - 1 if t[n] >= start[-1] else find_piece(start, t[n], False, i)
+        i = int(np.searchsorted(start, t[n], side="right")) - 1
         interval[n] = i
         x[n] = min(max((t[n] - start[i]) / h[i], 0.0), 1.0)
 
 
-@njit(NOTHING(READ2, READ1, READ3, INDEX_READ, READ2, WRITE3), cache=True, error_model="numpy")
 def time_law(coefficients, h, ends, interval, x, out):
     """Write u, and in further rows its first three time derivatives, of n quintics at k points each, ``out (., n, k)``.
 
@@ -48,15 +51,14 @@ def time_law(coefficients, h, ends, interval, x, out):
             out[0, n, k] = ends[1, 0, i] if w == 1.0 else u
             if out.shape[0] > 1:
                 first = (c1 + w * (2.0 * c2 + w * (3.0 * c3 + w * (4.0 * c4 + w * 5.0 * c5)))) / h[i]
-                second = (2.0 * c2 + w * (6.0 * c3 + w * (12.0 * c4 + w * 20.0 * c5))) / h[i] ** 2
-                third = (6.0 * c3 + w * (24.0 * c4 + w * 60.0 * c5)) / h[i] ** 3
+                second = (2.0 * c2 + w * (6.0 * c3 + w * (12.0 * c4 + w * 20.0 * c5))) / (h[i] * h[i])
+                third = (6.0 * c3 + w * (24.0 * c4 + w * 60.0 * c5)) / (h[i] * h[i] * h[i])
                 side = int(w)
                 if w == side:  # 0 or 1
                     first, second = ends[side, 1, i], ends[side, 2, i]
                 out[1, n, k], out[2, n, k], out[3, n, k] = first, second, third
 
 
-@njit(forceinline=True)
 def _rounded(c1, c2, c3, u1, u2, u3, slack):
     """What errors of up to ``slack`` in the time derivatives of u can change in those of C.
 
@@ -68,7 +70,6 @@ def _rounded(c1, c2, c3, u1, u2, u3, slack):
     return high1 - low1, high2 - low2, high3 - low3
 
 
-@njit(forceinline=True, error_model="numpy")
 def _measure_tip(p, cartesian, at, u1, u2, u3, slack, value, granted):
     """Write feed, tangential acceleration and jerk.
 
@@ -78,8 +79,8 @@ def _measure_tip(p, cartesian, at, u1, u2, u3, slack, value, granted):
     tip = p.shape[2]
     speed = size = 0.0
     for j in range(tip):
-        speed += p[1, at, j] ** 2
-        size += p[2, at, j] ** 2
+        speed += _square(p[1, at, j])
+        size += _square(p[2, at, j])
     speed, size = np.sqrt(speed), np.sqrt(size)
     # Where the tip rests in the parameter, it leaves along its second derivative.
     row = 1 if speed > 0.0 else 2
@@ -92,7 +93,7 @@ def _measure_tip(p, cartesian, at, u1, u2, u3, slack, value, granted):
     granted1 = granted2 = granted3 = 0.0
     for j in range(tip):
         tangent = p[row, at, j] * scale
-        turn += (p[2, at, j] - bend * tangent) ** 2
+        turn += _square(p[2, at, j] - bend * tangent)
         if cartesian:  # the axes' own values
             v, a, b = FIRST_AXIS + j, FIRST_AXIS + tip + j, FIRST_AXIS + 2 * tip + j
             acceleration, jerk = value[a], value[b]
@@ -102,16 +103,15 @@ def _measure_tip(p, cartesian, at, u1, u2, u3, slack, value, granted):
             off1, off2, off3 = _rounded(p[1, at, j], p[2, at, j], p[3, at, j], u1, u2, u3, slack)
         second += acceleration * tangent
         third += jerk * tangent
-        granted1 += off1**2
-        granted2 += off2**2
-        granted3 += off3**2
+        granted1 += _square(off1)
+        granted2 += _square(off2)
+        granted3 += _square(off3)
     turn = turn / speed if speed > 0.0 else 0.0
-    value[0], value[1], value[2] = speed * u1, second, third + turn * u1**3
+    value[0], value[1], value[2] = speed * u1, second, third + turn * (u1 * u1 * u1)
     granted[0], granted[1] = np.sqrt(granted1), np.sqrt(granted2)
-    granted[2] = np.sqrt(granted3) + turn * ((abs(u1) + slack[0]) ** 3 - abs(u1) ** 3)
+    granted[2] = np.sqrt(granted3) + turn * (_cube(abs(u1) + slack[0]) - _cube(abs(u1)))
 
 
-@njit(forceinline=True)
 def _measure_point(d, p, cartesian, at, u1, u2, u3, slack, value, granted):
     """Write every quantity of a point, and what errors of up to ``slack`` in u', u'' and u''' can change in it."""
     dim = d.shape[2]
@@ -123,7 +123,6 @@ def _measure_point(d, p, cartesian, at, u1, u2, u3, slack, value, granted):
     _measure_tip(p, cartesian, at, u1, u2, u3, slack, value, granted)
 
 
-@njit(NOTHING(READ3, READ3, FLAG, READ3, READ2, WRITE3, WRITE3), cache=True)
 def measure_points(d, p, cartesian, rates, slack, values, granted):
     """Write all quantities and their slack, ``(quantities, n, k)``, on n spans at k points each.
 
@@ -141,18 +140,16 @@ def measure_points(d, p, cartesian, rates, slack, values, granted):
                 granted[row, i, k] = off[row]
 
 
-@njit(forceinline=True, error_model="numpy")
 def _peak(heights, top):
     """Height of the highest point, or where it lies inside, of the parabola through it and its neighbours."""
     if 0 < top < heights.size - 1:
         before, after = heights[top - 1], heights[top + 1]
         bend = before - 2.0 * heights[top] + after
         if -np.inf < bend < 0.0:
-            return heights[top] - (before - after) ** 2 / (8.0 * bend)
+            return heights[top] - _square(before - after) / (8.0 * bend)
     return heights[top]
 
 
-@njit(forceinline=True)
 def _highest(heights):
     top = 0
     for k in range(1, heights.size):
@@ -161,7 +158,6 @@ def _highest(heights):
     return top
 
 
-@njit(NOTHING(READ3, READ3, FLAG, READ3, READ2, WRITE3, WRITE2, INDEX2, WRITE1, WRITE2), cache=True)
 def measure_spans(d, p, cartesian, rates, slack, ends, height, top, largest, jerk):
     """Measure spans as ``measure_points`` does, and keep of each of them and every quantity only the highest.
 
@@ -196,7 +192,6 @@ def measure_spans(d, p, cartesian, rates, slack, ends, height, top, largest, jer
             jerk[j, i] = _peak(jerks[j], _highest(jerks[j]))
 
 
-@njit(NOTHING(READ2, I64, I64, WRITE1, INDEX1), cache=True, error_model="numpy")
 def chord_heights(points, stride, parts, height, top):
     """Write the largest distance from each chord to the path above it, and its point.
 
@@ -209,7 +204,7 @@ def chord_heights(points, stride, parts, height, top):
         first, last = i * stride, i * stride + parts
         square = 0.0
         for j in range(dim):
-            square += (points[last, j] - points[first, j]) ** 2
+            square += _square(points[last, j] - points[first, j])
         scale = 1.0 / square if square > 0.0 else 0.0
         for k in range(parts + 1):
             along = 0.0
@@ -219,7 +214,7 @@ def chord_heights(points, stride, parts, height, top):
             apart = 0.0
             for j in range(dim):
                 chord = points[last, j] - points[first, j]
-                apart += (points[first + k, j] - points[first, j] - share * chord) ** 2
+                apart += _square(points[first + k, j] - points[first, j] - share * chord)
             distance[k] = np.sqrt(apart)
         top[i] = _highest(distance)
         height[i] = _peak(distance, top[i])

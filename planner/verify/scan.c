@@ -1,0 +1,60 @@
+#include "planner/verify/motion_inline.h"
+#include "planner/verify/peaks_inline.h"
+#include "planner/verify/verify.h"
+
+/* Sizes of the quantities less their slack at all points of a span, work (rows, k). */
+INLINED void use_of_block(const Quantities *block, int64_t rows, int64_t count, int64_t k, double *work)
+{
+    for (int64_t row = 0; row < rows; row++) {
+        const double *value = block->value[row], *granted = block->granted[row];
+        double *restrict used = work + row * k;
+        for (int64_t point = 0; point < count; point++) {
+            /* Backwards counts only what is backwards; what is not a number is beyond every limit. */
+            const double less = (row == REVERSAL ? value[point] : fabs(value[point])) - granted[point];
+            used[point] = less < INFINITY ? less : INFINITY;
+        }
+    }
+}
+
+HOT void scan_measure(int64_t n, int64_t k, int64_t dim, int64_t tip, const double *d, const double *p,
+                      const double *rates, const double *slack, const double *x, double *ends, double *height,
+                      double *place, double *largest, double *jerk, double *feed, double *feed_place, double *work)
+{
+    const States states = {n * k, dim, tip, d, p, rates};
+    const int64_t rows = FIRST_AXIS + 3 * dim;
+    Quantities block;
+    for (int64_t i = 0; i < n; i++) {
+        double most = -INFINITY;
+        for (int64_t first = 0; first < k; first += BLOCK) {
+            const int64_t count = k - first < BLOCK ? k - first : BLOCK;
+            measure_block(&states, i * k + first, count, slack + 3 * i, &block);
+            use_of_block(&block, rows, count, k, work + first);
+            if (first == 0)
+                for (int64_t row = 0; row < rows; row++)
+                    ends[row * n + i] = block.value[row][0];
+            if (first + count == k)
+                for (int64_t row = 0; row < rows; row++)
+                    ends[(rows + row) * n + i] = block.value[row][count - 1];
+            if (feed) {
+                const int64_t top = highest(count, block.value[FEED]);
+                if (block.value[FEED][top] > most) {
+                    most = feed[i] = block.value[FEED][top];
+                    feed_place[i] = x[i * k + first + top];
+                }
+            }
+        }
+        for (int64_t row = 0; row < rows; row++) {
+            double *used = work + row * k;
+            const int64_t top = highest(k, used);
+            height[row * n + i] = peak(k, used, top);
+            place[row * n + i] = x[i * k + top];
+            largest[row] = larger(largest[row], used[top]);
+            if (row < rows - dim)
+                continue;
+            double *of_axis = jerk + (row - rows + dim) * n + i;
+            for (int64_t point = 0; point < k; point++)
+                used[point] = larger(used[point], 0.0);
+            *of_axis = peak(k, used, used[top] > 0.0 ? top : 0);
+        }
+    }
+}

@@ -1,0 +1,58 @@
+/* The dense passes of the independent check, compiled. */
+#ifndef PLANNER_VERIFY_VERIFY_H
+#define PLANNER_VERIFY_VERIFY_H
+
+#include <stdint.h>
+
+/* Write the interval that holds each time t (n), and the share x of it that has passed.  start and h: (intervals). */
+void law_locate(int64_t intervals, const double *start, const double *h, int64_t n, const double *t, int64_t *interval,
+                double *x);
+
+/* Write u, and with rows = 4 its first three time derivatives, of quintics at k points each: out (rows, n, k) at x (n, k) of
+ * interval (n).  coefficients (6, intervals) of the powers of x in [0, 1], which h (intervals) takes; u, u' and u'' at both
+ * ends of each are those of the table, ends (2, 3, intervals). */
+void law_values(int64_t intervals, const double *h, const double *ends, const double *coefficients, int64_t n,
+                int64_t k, const int64_t *interval, const double *x, int64_t rows, double *out);
+
+/* Write u at each time t (n), held at the last node and within low .. high. */
+void law_parameters(int64_t intervals, const double *start, const double *h, const double *ends,
+                    const double *coefficients, int64_t n, const double *t, double low, double high, double *u);
+
+/* Write u on spans (n) at k points each, x and u (n, k), within the ends of each span, and whether a point is the last of its
+ * span, so that the curve is taken from the left there.  Of all spans: interval, upper (spans) and u_ends (2, spans). */
+void motion_place(int64_t intervals, const double *h, const double *ends, const double *coefficients, int64_t spans,
+                  const int64_t *interval, const double *upper, const double *u_ends, int64_t n, int64_t k,
+                  const int64_t *span, const double *x, double *u, uint8_t *left);
+
+/* Write all quantities of quantities.py and their slack, (4 + 3 dim, n, k), on n spans at k points each, from the derivatives
+ * d (4, n k, dim) of the machine axes and p (4, n k, tip) of the tool tip with respect to u (p NULL: the same), the time
+ * derivatives of u, rates (3, n, k), and what rounding can change in these, slack (n, 3). */
+void motion_measure(int64_t n, int64_t k, int64_t dim, int64_t tip, const double *d, const double *p,
+                    const double *rates, const double *slack, double *values, double *granted);
+
+/* Measure spans as motion_measure does at x (n, k), and keep of each of them and every quantity only the highest.
+ * ends (2, 4 + 3 dim, n): values at the first and the last point; height and place (4 + 3 dim, n): the peak of the sizes less
+ * their slack, and x there; largest (4 + 3 dim) is raised to the largest of these without the parabola; jerk (dim, n): the
+ * peak of the axes' jerk less its slack; feed and feed_place (n), which may be NULL: the highest feed at the points, and x
+ * there.  work: 31 k numbers. */
+void scan_measure(int64_t n, int64_t k, int64_t dim, int64_t tip, const double *d, const double *p, const double *rates,
+                  const double *slack, const double *x, double *ends, double *height, double *place, double *largest,
+                  double *jerk, double *feed, double *feed_place, double *work);
+
+/* Write the largest distance from each of n chords to the path above it, and its point.  Chord i runs from points[i stride]
+ * to points[i stride + parts], (., dim); the distance is that to the segment.  work: dim numbers for each point, and 2 parts + 2. */
+void chord_heights(int64_t n, int64_t dim, int64_t stride, int64_t parts, const double *points, double *height,
+                   int64_t *top, double *work);
+
+
+/* Write the largest distance of points from their chord, over the chords of each of n groups, and where it is: chord times parts
+ * plus point.  points (n, chords, parts + 2, dim): the ends of a chord, then the points.  work: dim + 2 numbers for each part. */
+void chord_tops(int64_t n, int64_t chords, int64_t parts, int64_t dim, const double *points, double *height,
+                int64_t *top, double *work);
+
+/* Take what is offered, height and x (rows, n) with index (n), among the highest of each row: best, best_index and best_x (rows,
+ * room), highest first, of equal ones the earliest; kept (rows) of them hold something. */
+void peaks_keep(int64_t rows, int64_t n, const double *height, const int64_t *index, const double *x, int64_t room,
+                int64_t *kept, double *best, int64_t *best_index, double *best_x);
+
+#endif
