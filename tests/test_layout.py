@@ -23,7 +23,7 @@ ELSEWHERE = {
     "feedplan/test_page.py": ("feedplan.cli.report",),
     "feedplan/test_verdict.py": ("feedplan.verdict_text",),
     "geometry/test_curve.py": ("planner.geometry.continuity", "planner.geometry.fit"),
-    "geometry/test_drawing.py": ("planner.geometry.chain", "planner.geometry.points"),
+    "geometry/test_drawing.py": ("planner.geometry.points",),
     "geometry/test_nurbs.py": ("planner.geometry.tape",),
     "interp/literature/test_greedy.py": ("interp.literature.greedy_published", "interp.literature.greedy_setup"),
     "output/test_certificate_file.py": ("planner.certificate",),

@@ -17,24 +17,29 @@ reaches 8A along each leg, joins them with continuous curvature, and passes V at
 Arc length.  |dq/dtau| has branch points near tau = +-i b, b = tan((pi - angle)/4), which come close for sharp corners.
 tau = b sinh(eta x), eta = asinh(1/b), moves them away from x in [-1, 1]: 64 Chebyshev nodes resolve the speed to rounding
 for every angle up to 150 degrees.  Between lines the series depends on the angle alone and is shared by all equal corners.
+Its inverse, tau over the share of the length, is tabulated once a shape: panels are halved until the last terms of their
+Chebyshev series are rounding.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from planner.geometry.arclength import inverse_on_panels
-from planner.geometry.differential import arc_derivatives, chain_rule
-from planner.types import FloatArray
+from planner.compiled import core
+from planner.errors import CurveError
+from planner.geometry.differential import chain_rule
+from planner.types import FloatArray, IntArray
 
 BLEND_REACH = 8.0  # of the size A, along each leg
 _NODES = 64
 _SAME_COSINE = 13  # decimals; closer angles share a table
-_BLOCK = 8192  # points at a time, which bounds the memory of the series
+_TERMS = 12  # of a panel of the inverse
+_MOST_PANELS = 4096
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,28 +181,36 @@ class Blends:
             out[1:] += chain_rule(d[1], d[2], d[3], x1, x2, x3)
         return out
 
-    def by_arc_length(self, row: NDArray[np.intp], s: FloatArray) -> FloatArray:
-        """Position and three derivatives with respect to arc length, (4, n, dim), at s (n,) from the start of each."""
-        out = np.empty((4, row.size, self.vertex.shape[1]))
-        for start in range(0, row.size, _BLOCK):
-            some = slice(start, start + _BLOCK)
-            out[:, some] = arc_derivatives(self.at(row[some], self.tau(row[some], s[some])))
+    @cached_property
+    def inverse(self) -> tuple[FloatArray, FloatArray, IntArray]:
+        """The inverse of the arc length of every shape: tau over the share of the length, by panels.
+
+        Returns
+        -------
+        edges, series, first : arrays
+            Edges of the panels, one more than panels for each shape; Chebyshev series (panels, 12); first panel of each
+            shape, (shapes + 1,).
+        """
+        edges, series, first = [np.empty(0)], [np.empty((0, _TERMS))], [0]
+        room = np.empty(_MOST_PANELS + 1), np.empty((_MOST_PANELS, _TERMS))
+        for lengths, speeds, b in zip(self._lengths, self._speeds, self._half_angle, strict=True):
+            of_shape = lengths.size, lengths, speeds.size, speeds, b
+            panels = core.blend_tabulate(*of_shape, _MOST_PANELS, *room)
+            if panels < 0:
+                raise CurveError(f"the arc length of a blend has no inverse within {_MOST_PANELS} panels")
+            edges.append(room[0][: panels + 1].copy())
+            series.append(room[1][:panels].copy())
+            first.append(first[-1] + panels)
+        return np.concatenate(edges), np.concatenate(series), np.array(first, dtype=np.intp)
+
+    def tau(self, row: IntArray, s: FloatArray) -> FloatArray:
+        """Invert the arc length of the blends ``row`` (n,) at s (n,) from the start of each."""
+        edges, series, first = self.inverse
+        out, share = np.empty(row.size), np.clip(s / self.length[row], 0.0, 1.0)
+        core.blend_tau(row.size, self._table[row], share, first, edges, series, out)
         return out
 
-    def tau(self, row: NDArray[np.intp], s: FloatArray) -> FloatArray:
-        """Invert the arc length by its series, the blends of one table together."""
-        table = self._table[row]
-        target = np.clip(s / self.size[row], 0.0, None)
-        x = np.empty(row.size)
-        order = np.argsort(table, kind="stable")
-        starts = np.flatnonzero(np.diff(table[order], prepend=-1))
-        edges = np.array([-1.0, 1.0])
-        for some in np.split(order, starts[1:]) if order.size else []:
-            k = table[some[0]]
-            total = np.array([0.0, self._lengths[k].sum()])
-            series = self._lengths[k : k + 1], self._speeds[k : k + 1]
-            x[some] = inverse_on_panels(edges, total, *series, np.minimum(target[some], total[1]))
-        b = self._half_angle[table]
-        tau = b * np.sinh(np.arcsinh(1.0 / b) * x)
-        tau = np.where(s <= 0.0, -1.0, np.where(s >= self.length[row], 1.0, tau))
-        return np.asarray(np.clip(tau, -1.0, 1.0))
+    @property
+    def shape(self) -> IntArray:
+        """Which of the shapes in ``inverse`` each blend has, (n,)."""
+        return self._table

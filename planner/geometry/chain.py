@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.compiled import core
 from planner.errors import CurveError
 from planner.geometry.blend import Blends, Legs
 from planner.geometry.continuity import Break, continuity
@@ -96,26 +97,29 @@ class ChainCurve(Curve):
         return float(self.edges[0]), float(self.edges[-1])
 
     def _evaluate(self, u: FloatArray, order: int, left: BoolArray) -> FloatArray:
-        after = np.searchsorted(self.edges, u, side="right") - 1
-        before = np.searchsorted(self.edges, u, side="left") - 1
-        piece = np.clip(np.where(left, before, after), 0, self.kind.size - 1)
-        return self._on_pieces(piece, u - self.edges[piece])[: order + 1]
+        out = np.empty((order + 1, u.size, self.dim))
+        core.chain_evaluate(*self._arrays, u.size, u, left, None, order, out)
+        return out
 
     def _on_pieces(self, piece: NDArray[np.intp], x: FloatArray) -> FloatArray:
         """Position and three derivatives, (4, n, dim), at the distances x (n,) from the starts of pieces."""
-        kind, row = self.kind[piece], self.row[piece]
         out = np.empty((4, x.size, self.dim))
-        on = np.flatnonzero(kind == Kind.LEG)
-        if on.size:
-            out[:, on] = self.legs.at(row[on], self.offset[piece[on]] + x[on])
-        on = np.flatnonzero(kind == Kind.BLEND)
-        if on.size and self.blends is not None:
-            out[:, on] = self.blends.by_arc_length(row[on], x[on])
-        on = np.flatnonzero(kind == Kind.SPAN)
-        if on.size:
-            width = (self.edges[piece[on] + 1] - self.edges[piece[on]])[:, None]
-            out[:, on] = span_derivatives(self.spans[row[on]], x[on, None] / width, width)
+        core.chain_evaluate(*self._arrays, x.size, np.ascontiguousarray(x), None, piece, 3, out)
         return out
+
+    @cached_property
+    def _arrays(self) -> tuple[Any, ...]:
+        """What the compiled evaluation takes of the pieces, and of legs, spans and blends."""
+        kind, row = self.kind.astype(np.uint8), np.ascontiguousarray(self.row, dtype=np.intp)
+        arrays = [self.kind.size, self.dim, self.edges, kind, row, self.offset]
+        arrays += [self.legs.vectors, self.legs.rates, np.ascontiguousarray(self.spans)]
+        blends = self.blends
+        if blends is None:
+            return (*arrays, *[None] * 11)
+        edges, series, first = blends.inverse
+        arrays += [blends.vertex, blends.before.vectors, blends.before.rates, blends.after.vectors, blends.after.rates]
+        arrays += [blends.size, blends.length, blends.shape, first, edges, series]
+        return tuple(np.ascontiguousarray(item) if isinstance(item, np.ndarray) else item for item in arrays)
 
     def _candidate_breaks(self) -> FloatArray:
         return np.union1d(self.edges[1:-1], self.marks)

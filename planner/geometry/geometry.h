@@ -22,6 +22,30 @@ void arclength_inverse(int64_t panels, int64_t terms, int64_t speed_terms, const
                        const double *series, const double *speeds, int64_t n, const double *s, int64_t left,
                        double *out);
 
+/* Tabulate the inverse of a blend's arc length: the Chebyshev series (panels, 12) of tau over the share of the length, on panels
+ * between edges (panels + 1) within 0 .. 1, as narrow as it takes for rounding to be all that is left out.  Returns how many
+ * panels there are; -1 if more than room.  lengths (terms) and speeds (speed_terms): Chebyshev series of the length, and of its
+ * derivative, over x in [-1, 1], where tau = b sinh(x asinh(1/b)). */
+int64_t blend_tabulate(int64_t terms, const double *lengths, int64_t speed_terms, const double *speeds, double b,
+                       int64_t room, double *edges, double *series);
+
+/* Write tau at shares (n) of the length of blends of a shape (n) each.  The panels of shape i are from first_panel[i] on, with one
+ * edge more than panels for each shape. */
+void blend_tau(int64_t n, const int64_t *shape, const double *share, const int64_t *first_panel, const double *edges,
+               const double *series, double *tau);
+
+/* Write the derivatives 0..order (at most 3) of a chain at u (n) into out (order + 1, n, dim), from the left where left (n) says
+ * so; or where piece (n) is no NULL, at the distances u from the starts of those pieces.
+ * Pieces: edges (pieces + 1); kind (0 leg, 1 blend, 2 span), its row among those of its kind, and offset (pieces).  Legs: vectors
+ * (., 4, dim) and rates (., 2); spans: (., dim, 5).  Blends: vertex (., dim), the legs before and after each, its size, length and
+ * shape; of each shape the panels from first_panel on, as blend_tabulate makes them, each shape with one edge more. */
+void chain_evaluate(int64_t pieces, int64_t dim, const double *edges, const uint8_t *kind, const int64_t *row,
+                    const double *offset, const double *legs, const double *leg_rates, const double *spans,
+                    const double *vertex, const double *before, const double *before_rates, const double *after,
+                    const double *after_rates, const double *size, const double *length, const int64_t *shape,
+                    const int64_t *first_panel, const double *panel_edges, const double *panels, int64_t n,
+                    const double *u, const uint8_t *left, const int64_t *piece, int64_t order, double *out);
+
 /* The formulas of differential_inline.h at n points, for their test.  Everywhere out (3, n): */
 
 /* from derivatives q (3, n) and rates u (3, n); */

@@ -10,6 +10,7 @@ from program_blocks import arc, line, program
 
 from planner import plan_feedrate
 from planner.geometry.blend import Blends, Legs
+from planner.geometry.chain import ChainCurve, Kind
 from planner.programs.path.corners import Junction, classify
 from planner.programs.path.deviation import Programmed
 from planner.programs.path.smooth_path import program_path
@@ -23,6 +24,15 @@ def lines(*points):
     vectors = np.zeros((length.size, 4, p.shape[1]))
     vectors[:, 0], vectors[:, 3] = p[:-1], step / length[:, None]
     return Programmed(np.concatenate([[0.0], np.cumsum(length)]), Legs(vectors, np.zeros((length.size, 2))))
+
+
+def chain_of(blend):
+    """A chain of one blend."""
+    nothing, no_legs = np.empty(0), Legs(np.empty((0, 4, 2)), np.empty((0, 2)))
+    of_pieces = np.array([Kind.BLEND], dtype=np.int8), np.zeros(1, dtype=np.intp), np.zeros(1)
+    return ChainCurve(
+        np.array([0.0, blend.length[0]]), *of_pieces, no_legs, blend, np.empty((0, 2, 5)), nothing, nothing, nothing
+    )
 
 
 def corner(angle, size):
@@ -68,7 +78,7 @@ def test_arc_length_of_a_blend_agrees_with_quadrature_in_30_digits(angle):
 def test_blend_runs_at_unit_speed_and_joins_lines_with_their_curvature(angle, size):
     blend = corner(angle, size)
     s = blend.length[0] * np.linspace(0.0, 1.0, 17)
-    d = blend.by_arc_length(np.zeros(17, dtype=np.intp), s)
+    d = chain_of(blend).derivatives(s)
     assert np.abs(np.sum(d[1] ** 2, axis=1) - 1.0).max() < 1e-13
     assert np.abs(d[2, [0, -1]]).max() * size < 1e-12  # straight at both ends
     assert np.abs(d[0, 0] - [-8.0 * size, 0.0]).max() < 1e-13 * size
