@@ -38,13 +38,13 @@ def check_profile(curve: Curve, limits: Limits, profile: FeedrateProfile, densit
         elif j >= 0:
             rows.add(name, worst, allowed[name, j], place, slack=slack, j=j)
         elif name == FEED.label and curve.feed_caps is not None:
-            rows.add(name, *feed_under(motion, machine_caps(curve.feed_caps, limits), density), slack=slack)
+            rows.add(name, *feed_under(motion, scan, machine_caps(curve.feed_caps, limits), density), slack=slack)
         elif name == "reversal":
             rows.add(name, worst, 0.0, place, slack=slack + turning_back)
         else:
             rows.add(name, worst, allowed[name, j], place, slack=slack)
     if curve.feed_caps is not None:
-        rows.add("programmed feed", *feed_under(motion, curve.feed_caps, density))
+        rows.add("programmed feed", *feed_under(motion, scan, curve.feed_caps, density))
     worst, place = profile_chord(motion, limits.period)
     rounding = position_rounding(curve, np.clip(profile.u, *curve.domain))
     rows.add("chord error", worst, limits.chord_error, place, slack=rounding)

@@ -155,6 +155,11 @@ class Motion:
         i = self.interval[span]
         return self.law.start[i] + x * self.law.h[i]
 
+    def place(self, span: int, x: float) -> tuple[float, float]:
+        """Time and curve parameter at x of one span."""
+        at = np.array([span])
+        return float(self.time(at, np.array([x]))[0]), float(self.parameter(at, np.array([[x]]))[0, 0])
+
     def parameter(self, span: IntArray, x: FloatArray) -> FloatArray:
         """Curve parameter on the spans (n,) at x (n, k), within the span's ends."""
         return self._place(span, x)[0]

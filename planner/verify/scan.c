@@ -24,7 +24,6 @@ HOT void scan_measure(int64_t n, int64_t k, int64_t dim, int64_t tip, const doub
     const int64_t rows = FIRST_AXIS + 3 * dim;
     Quantities block;
     for (int64_t i = 0; i < n; i++) {
-        double most = -INFINITY;
         for (int64_t first = 0; first < k; first += BLOCK) {
             const int64_t count = k - first < BLOCK ? k - first : BLOCK;
             measure_block(&states, i * k + first, count, slack + 3 * i, &block);
@@ -35,12 +34,10 @@ HOT void scan_measure(int64_t n, int64_t k, int64_t dim, int64_t tip, const doub
             if (first + count == k)
                 for (int64_t row = 0; row < rows; row++)
                     ends[(rows + row) * n + i] = block.value[row][count - 1];
-            if (feed) {
-                const int64_t top = highest(count, block.value[FEED]);
-                if (block.value[FEED][top] > most) {
-                    most = feed[i] = block.value[FEED][top];
-                    feed_place[i] = x[i * k + first + top];
-                }
+            const int64_t top = highest(count, block.value[FEED]);
+            if (first == 0 || block.value[FEED][top] > feed[i]) {
+                feed[i] = block.value[FEED][top];
+                feed_place[i] = x[i * k + first + top];
             }
         }
         for (int64_t row = 0; row < rows; row++) {

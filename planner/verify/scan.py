@@ -32,7 +32,7 @@ class Scan:
         Steps of axis velocity and acceleration where spans meet; first and last entry: against a standstill.
     along : (spans + 1,)
         Steps of the tangential acceleration there; where the tip comes to rest, which may turn it back, those of its size.
-    feed, feed_place : (spans,), of a curve with caps on its feed
+    feed, feed_place : (spans,)
         Highest feed at the points of each span, and x there.
     """
 
@@ -42,8 +42,8 @@ class Scan:
     jerk: FloatArray
     steps: FloatArray
     along: FloatArray
-    feed: FloatArray | None
-    feed_place: FloatArray | None
+    feed: FloatArray
+    feed_place: FloatArray
 
 
 def scan_spans(motion: Motion, density: int) -> Scan:
@@ -55,14 +55,14 @@ def scan_spans(motion: Motion, density: int) -> Scan:
     jerk = np.empty((dim, spans))
     steps = np.zeros((2, spans + 1, dim))
     before, after = np.zeros((2, spans + 1)), np.zeros((2, spans + 1))
-    feed, feed_place = np.empty((2, spans)) if motion.curve.feed_caps is not None else (None, None)
+    feed, feed_place = np.empty((2, spans))
     for span in chunks(spans, density):
         some = slice(span[0], span[-1] + 1)
         x = motion.grid(span, density)
         ends, kept = np.empty((2, count, span.size)), np.empty((2, count, span.size))
         d, p, cartesian, rates, slack = motion.states(span, x)
         of_chunk = np.empty((dim, span.size))
-        feeds = (None, None) if feed is None or feed_place is None else (feed[some], feed_place[some])
+        feeds = feed[some], feed_place[some]
         core.scan_measure(
             *x.shape,
             dim,
@@ -123,15 +123,27 @@ def machine_caps(programmed: FeedCaps, limits: Limits) -> FeedCaps:
     return FeedCaps(programmed.edges, np.where(np.isinf(programmed.feed), limits.rapid, limits.feed))
 
 
-def feed_under(motion: Motion, caps: FeedCaps, density: int) -> tuple[float, float, tuple[float, float]]:
-    """Feed that uses most of what caps allow: value, cap and place."""
-    worst = (0.0, np.inf, (0.0, 0.0))
-    for span in chunks(motion.interval.size, density):
-        x = motion.grid(span, density)
-        feeds, u = motion.feed(span, x), motion.parameter(span, x)
-        # A span ends at the knots of the path; on a step of the cap it has the cap of its own side.
-        cap = caps.at(u, u >= motion.u_ends[1, span, None])
-        k = np.unravel_index(int((feeds / cap).argmax()), feeds.shape)
-        if feeds[k] / cap[k] > worst[0] / worst[1]:
-            worst = (float(feeds[k]), float(cap[k]), (float(motion.time(span, x[:, k[1]])[k[0]]), float(u[k])))
-    return worst
+def feed_under(motion: Motion, scan: Scan, caps: FeedCaps, density: int) -> tuple[float, float, Place]:
+    """Feed that uses most of what caps allow: value, cap and place.
+
+    The highest feed of each span was kept by the scan; only where the cap changes within a span are its points looked at again.
+    """
+    found = (0.0, np.inf, (0.0, 0.0))
+    low, high = np.sort(motion.u_ends, axis=0)
+    cap = caps.at(low)
+    one_cap = caps.at(high, True) == cap
+    share = np.where(one_cap, scan.feed / cap, -np.inf)
+    k = int(share.argmax())
+    if share[k] > 0.0:
+        found = (float(scan.feed[k]), float(cap[k]), motion.place(k, float(scan.feed_place[k])))
+    mixed = np.flatnonzero(~one_cap)
+    for span in chunks(mixed.size, density):
+        some = mixed[span]
+        x = motion.grid(some, density)
+        feeds, u = motion.feed(some, x), motion.parameter(some, x)
+        # On a step of the cap a span has that of its own side.
+        allowed = caps.at(u, u >= motion.u_ends[1, some, None])
+        i, j = np.unravel_index(int((feeds / allowed).argmax()), feeds.shape)
+        if feeds[i, j] / allowed[i, j] > found[0] / found[1]:
+            found = (float(feeds[i, j]), float(allowed[i, j]), motion.place(int(some[i]), float(x[i, j])))
+    return found

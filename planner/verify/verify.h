@@ -33,8 +33,7 @@ void motion_measure(int64_t n, int64_t k, int64_t dim, int64_t tip, const double
 /* Measure spans as motion_measure does at x (n, k), and keep of each of them and every quantity only the highest.
  * ends (2, 4 + 3 dim, n): values at the first and the last point; height and place (4 + 3 dim, n): the peak of the sizes less
  * their slack, and x there; largest (4 + 3 dim) is raised to the largest of these without the parabola; jerk (dim, n): the
- * peak of the axes' jerk less its slack; feed and feed_place (n), which may be NULL: the highest feed at the points, and x
- * there.  work: 31 k numbers. */
+ * peak of the axes' jerk less its slack; feed and feed_place (n): the highest feed at the points, and x there.  work: 31 k numbers. */
 void scan_measure(int64_t n, int64_t k, int64_t dim, int64_t tip, const double *d, const double *p, const double *rates,
                   const double *slack, const double *x, double *ends, double *height, double *place, double *largest,
                   double *jerk, double *feed, double *feed_place, double *work);
