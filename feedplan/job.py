@@ -124,6 +124,7 @@ class Job:
         the error is raised.
         """
         from planner import SolverError, certify
+        from planner.status import Claim
 
         progress("bounding the time from below", None)
         try:
@@ -131,13 +132,14 @@ class Job:
         except SolverError as error:
             if certificate is not None:
                 raise
-            return replace(profile, lower_bound=math.nan, notes=(*profile.notes, f"no lower bound: {error}"))
+            notes = (*profile.notes, f"no lower bound: {error}")
+            return replace(profile, lower_bound=math.nan, claim=Claim.NONE, notes=notes)
         if certificate is not None:
             from planner.output.certificate_file import write_certificate
 
             progress(f"writing {certificate}", None)
             write_certificate(certificate, found.certificate)
-        return replace(profile, lower_bound=float(found))
+        return replace(profile, lower_bound=float(found), claim=Claim.COMPUTED)
 
     def replay(self, profile: FeedrateProfile, period: float | None = None, *, order: int = 5) -> Samples:
         """Sample a plan once a period, that of the limits if left out."""

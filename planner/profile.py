@@ -5,7 +5,7 @@ A plan is a time law (``law.py``) on its curve, with what its solver says of it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -55,6 +55,36 @@ class ProfileStates:
     jerk: FloatArray
 
 
+class _LowerBound:
+    """A number, or what computes it when it is first asked for: most plans are run, and nobody asks."""
+
+    def __get__(self, profile: FeedrateProfile | None, owner: type[FeedrateProfile] | None = None) -> float:
+        if profile is None:  # the default of the field
+            return np.nan
+        kept = vars(profile)
+        if callable(kept["lower_bound"]):
+            kept["lower_bound"] = kept["lower_bound"]()
+        return float(kept["lower_bound"])
+
+    def __set__(self, profile: FeedrateProfile, value: float | Callable[[], float]) -> None:
+        vars(profile)["lower_bound"] = value
+
+
+class _Claim:
+    """How the bound is known: NONE where it is nan, and nowhere else."""
+
+    def __get__(self, profile: FeedrateProfile | None, owner: type[FeedrateProfile] | None = None) -> Claim:
+        if profile is None:  # the default of the field
+            return Claim.COMPUTED
+        if np.isnan(profile.lower_bound):
+            return Claim.NONE
+        given: Claim = vars(profile)["claim"]
+        return Claim.COMPUTED if given is Claim.NONE else given
+
+    def __set__(self, profile: FeedrateProfile, value: Claim) -> None:
+        vars(profile)["claim"] = value
+
+
 @dataclass(frozen=True, eq=False)
 class FeedrateProfile(Tabular):
     """A feedrate plan: what comes out of ``plan_feedrate`` and goes into ``replay``, ``check`` and tables.
@@ -75,7 +105,8 @@ class FeedrateProfile(Tabular):
     limit_names : tuple of str
         "none" first, then for example "feed", "velocity X", "acceleration Y", "jerk Y".
     lower_bound : float
-        No profile within the limits is faster than this, s (nan where the method gives none).
+        No profile within the limits is faster than this, s (nan where the method gives none).  A plan computes its own
+        when it is first asked for.
     method : str
         The solver that made it.
     limits : Limits, optional
@@ -107,10 +138,10 @@ class FeedrateProfile(Tabular):
     jerk: FloatArray
     binding: NDArray[np.int8]
     limit_names: tuple[str, ...]
-    lower_bound: float = np.nan
+    lower_bound: float = _LowerBound()  # type: ignore[assignment]
     method: str = ""
     limits: Limits | None = None
-    claim: Claim = Claim.COMPUTED
+    claim: Claim = _Claim()  # type: ignore[assignment]
     origin: Origin = field(default_factory=Origin)
     status: Status = Status.FEASIBLE
     notes: tuple[str, ...] = ()
@@ -120,10 +151,6 @@ class FeedrateProfile(Tabular):
     checked: str = ""
 
     def __post_init__(self) -> None:
-        if np.isnan(self.lower_bound):
-            object.__setattr__(self, "claim", Claim.NONE)
-        elif self.claim is Claim.NONE:
-            object.__setattr__(self, "claim", Claim.COMPUTED)
         for name in ("s", "feed", "acceleration", "jerk", "binding"):
             getattr(self, name).setflags(write=False)
 

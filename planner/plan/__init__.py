@@ -21,7 +21,7 @@ from planner.law import TimeLaw
 from planner.machine.feed_limits import feedrate_limits
 from planner.machine.limits import Limits, require_limits
 from planner.origin import Origin
-from planner.plan.bounds import MAX_INTERVALS, section_bound
+from planner.plan.bounds import MAX_INTERVALS, PlanBound, SectionBound
 from planner.plan.chord_errors import slowed_for_chords
 from planner.plan.dual.problem import Pace
 from planner.plan.ends import FREE, end_with, feed_at
@@ -41,7 +41,7 @@ from planner.plan.stage import WORTH_SAYING
 from planner.plan.utilisation import utilisation
 from planner.profile import FeedrateProfile, make_profile
 from planner.quantity import ACCELERATION, TANGENTIAL_ACCELERATION
-from planner.status import Status, Work
+from planner.status import Claim, Status, Work
 from planner.types import FloatArray, Progress
 
 Method = Literal["optimal", "nlp", "toppra", "scurve"]
@@ -150,11 +150,12 @@ def plan_feedrate(
         limits,
         law,
         method=method,
-        lower_bound=sum(plan.lower_bound for plan in plans),
         slowed=slowed,
     )
     return replace(
         profile,
+        lower_bound=PlanBound(tuple(plan.bound for plan in plans)),  # type: ignore[arg-type]  # computed on demand
+        claim=Claim.COMPUTED,
         origin=Origin(limits.period, exact_stop, periodic, curve.made_within),
         status=next((plan.status for plan in plans if not plan.status.as_meant), plans[0].status),
         notes=_notes(sections, plans, limits),
@@ -266,7 +267,7 @@ def _plan_section(
 
         feeds = (feed_at(section.start), feed_at(section.end))
         law = TimeLaw(*plan_scurve(section.curve, limits, section.u_start, section.u_end, *feeds))
-        return SectionPlan(law, np.nan, Status.FEASIBLE, Work(intervals=law.t.size - 1))
+        return SectionPlan(law, None, Status.FEASIBLE, Work(intervals=law.t.size - 1))
     if method != "toppra" and not limits.has_jerk:
         return _plan_without_jerk(section, limits, effort, periodic)
     if method == "toppra":
@@ -283,7 +284,7 @@ def _plan_section(
                 work = replace(work, slowdown=slowdown)
                 percent = 100.0 * (slowdown - 1.0)
                 notes = (f"slowed down by {percent:.2g} % for what toppra exceeds between its points",)
-        bound = section_bound(section, limits.without_jerk(), effort.intervals, Pace(law.u, law.t))
+        bound = SectionBound(section, limits.without_jerk(), effort.intervals, Pace(law.u, law.t))
         return SectionPlan(law, bound, Status.FEASIBLE, work, notes)
     return plan_and_refine(
         section,
@@ -306,7 +307,7 @@ def _plan_without_jerk(section: Section, limits: Limits, effort: Effort, periodi
         law = law.dilated(unmet * (1.0 + PEAK_MARGIN) if unmet > 1.0 else 1.0)
     elif unmet > ALMOST_MET:
         raise SolverError(not_met(section, unmet))
-    bound = section_bound(section, limits, effort.intervals, Pace(law.u, law.t), periodic=periodic)
+    bound = SectionBound(section, limits, effort.intervals, Pace(law.u, law.t), periodic=periodic)
     plan = SectionPlan(law, bound, Status.OPTIMAL, found.work, saved=found.saved)
     return plan.said_slowed(found.place)
 

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from planner.errors import CurveError, InfeasibleError, SolverError
 from planner.law import TimeLaw
 from planner.machine.limits import Limits
-from planner.plan.bounds import section_bound
+from planner.plan.bounds import SectionBound
 from planner.plan.chord_errors import MET_CHORD, chord_shares
 from planner.plan.dual.problem import Pace
 from planner.plan.ends import Rest, feed_at
@@ -65,13 +65,14 @@ _ON_STOP = 2e-12
 
 @dataclass(frozen=True, eq=False)
 class SectionPlan:
-    """A solved section: its time law, a lower bound of its time, and what the solver says of it.
+    """A solved section: its time law, what a lower bound of its time follows from, and what the solver says of it.
 
-    ``saved``: time that one percent more of each limit saves, s, where the method tells.
+    ``bound``: None where the method gives none.  ``saved``: time that one percent more of each limit saves, s, where the
+    method tells.
     """
 
     law: TimeLaw
-    lower_bound: float
+    bound: SectionBound | None
     status: Status
     work: Work
     notes: tuple[str, ...] = ()
@@ -149,7 +150,7 @@ def plan_section(
         solve_cpu_s=found.spent,
         first_solve_cpu_s=found.first,
     )
-    bound = section_bound(section, limits, wanted, Pace(best.law.u, best.law.t), periodic=periodic)
+    bound = SectionBound(section, limits, wanted, Pace(best.law.u, best.law.t), periodic=periodic)
     plan = SectionPlan(best.law, bound, attempt.status, work, (*notes, *found.notes), attempt.saved, found)
     return plan.said_slowed(best.place)
 

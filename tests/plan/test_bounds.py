@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import replace
 from itertools import pairwise
 
@@ -33,6 +34,7 @@ from planner.plan.ends import REST
 from planner.plan.guess import guess_feed
 from planner.plan.section import cut
 from planner.programs.path.smooth_path import program_path
+from planner.status import Claim
 from planner.verify.certificate import verify_bound, verify_plan_bound
 
 # a line, an arc and a line, tangent to one another
@@ -213,6 +215,40 @@ def test_caps_alone_bound_where_nothing_else_is_known():
     (section,) = cut(curve, limits, exact_stop=False)
     guess = guess_feed(section, limits, 1000)
     assert section_bound(section, limits, 1000, Pace(guess.u, guess.time)) == pytest.approx(curve.length, rel=1e-3)
+
+
+def test_the_bound_of_a_plan_is_computed_once_and_only_where_it_is_asked_for(monkeypatch):
+    asked = []
+
+    def counted(section, *rest, **options):
+        asked.append((section.u_start, section.u_end))
+        return section_bound(section, *rest, **options)
+
+    monkeypatch.setattr(bounds, "section_bound", counted)
+    plan = plan_feedrate(load_curve("teardrop"), MILL, intervals=60)
+    assert check(plan.curve, MILL, plan).ok
+    sent = pickle.loads(pickle.dumps(plan))
+    proved = replace(plan, lower_bound=1.0, claim=Claim.COMPUTED)
+    assert asked == []
+    assert proved.lower_bound == 1.0
+    assert 0.9 * plan.duration < plan.lower_bound <= plan.duration
+    assert plan.claim is Claim.COMPUTED
+    assert replace(plan, method="other").lower_bound == plan.lower_bound
+    assert asked == [plan.curve.domain]
+    assert sent.lower_bound == plan.lower_bound
+
+
+def test_a_plan_has_no_bound_where_one_section_has_none(monkeypatch):
+    corner = NurbsCurve([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0]], [0, 0, 1, 2, 2], 1)
+    plan = plan_feedrate(corner, MILL, intervals=60)
+    whole = plan_feedrate(corner, MILL, intervals=60).lower_bound
+    first = plan_feedrate(line(10.0), MILL, intervals=30).lower_bound
+    assert whole == pytest.approx(2.0 * first, rel=1e-3)
+    found = iter([np.nan, first])
+    monkeypatch.setattr(bounds, "section_bound", lambda *_, **__: next(found))
+    assert np.isnan(plan.lower_bound)
+    assert plan.claim is Claim.NONE
+    assert np.isnan(plan_feedrate(corner, MILL, method="scurve").lower_bound)
 
 
 METHODS = ("optimal", "nlp", "toppra", "scurve")
