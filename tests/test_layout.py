@@ -42,7 +42,6 @@ ELSEWHERE = {
     ),
     "plan/test_bounds.py": tuple(f"planner.plan.dual.{name}" for name in ("problem", "terms")),
     "plan/test_knots.py": ("planner.plan.slow",),
-    "plan/test_plan.py": ("planner.plan.chord_errors",),
     "plan/test_refine.py": ("planner.plan.stage",),
     "plan/test_two_sided.py": ("planner.machine.limit_rows",),
     "plan/test_speed_law.py": ("planner.law",),

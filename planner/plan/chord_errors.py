@@ -5,6 +5,9 @@ within one period, as at a near-cusp that is rounded by less than a period's way
 the finished plan is measured as the check measures it, by the distance of the path from the chords of one period, and the
 section in which it is too large is slowed down: on a circle the error goes with the square of the speed.  Such a place is
 passed slowly anyway, but the whole section pays for it; the plan says so.
+
+Most machines cannot get so far off at all: a position p(t) with |p''| <= A leaves the chord of a period T by at most
+A T^2 / 8, whatever the path, and where that is well below what is allowed nothing is measured.
 """
 
 from __future__ import annotations
@@ -13,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.geometry.chord import distance_to_chord
-from planner.geometry.curve import Curve
+from planner.geometry.curve import ROTARY_AXES, Curve
+from planner.geometry.differential import norm
 from planner.law import TimeLaw
 from planner.machine.limits import Limits
 from planner.types import FloatArray
@@ -25,6 +29,18 @@ _MAX_PASSES = 24  # of one section
 _MAX_STEP = 3.0  # of the slowing down in one pass
 _BEYOND = 1e-6
 _MAX_POINTS = 1_000_000
+# Of the acceleration limits: a section that may be slowed down keeps them, but for a millionth.
+_ROOM = 2.0
+
+
+def largest_chord_error(curve: Curve, limits: Limits) -> float:
+    """Distance, mm, that the path leaves its chords of one period by at most, by the accelerations alone.
+
+    A linear interpolation over T of a function whose second derivative is at most A is off by A T^2 / 8.  Velocities are
+    continuous: in a corner a plan stops.
+    """
+    linear = [axis not in ROTARY_AXES for axis in curve.axes]
+    return float(norm(limits.acceleration[linear])) * limits.period**2 / 8.0
 
 
 def chord_shares(curve: Curve, limits: Limits, law: TimeLaw) -> tuple[FloatArray, FloatArray]:
@@ -66,7 +82,7 @@ def slowed_for_chords(curve: Curve, limits: Limits, parts: list[TimeLaw], may_sl
         Sections without a prescribed feed; where the error is in another one, nothing more can be done.
     """
     factors = np.ones(len(parts))
-    if np.isinf(limits.chord_error):
+    if _ROOM * largest_chord_error(curve, limits) <= limits.chord_error:
         return factors
     passes = np.zeros(len(parts), dtype=np.intp)
     while passes.max() < _MAX_PASSES:
