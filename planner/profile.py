@@ -70,7 +70,7 @@ class _LowerBound:
         vars(profile)["lower_bound"] = value
 
 
-class _Claim:
+class _BoundClaim:
     """How the bound is known: NONE where it is nan, and nowhere else."""
 
     def __get__(self, profile: FeedrateProfile | None, owner: type[FeedrateProfile] | None = None) -> Claim:
@@ -141,7 +141,7 @@ class FeedrateProfile(Tabular):
     lower_bound: float = _LowerBound()  # type: ignore[assignment]
     method: str = ""
     limits: Limits | None = None
-    claim: Claim = _Claim()  # type: ignore[assignment]
+    claim: Claim = _BoundClaim()  # type: ignore[assignment]
     origin: Origin = field(default_factory=Origin)
     status: Status = Status.FEASIBLE
     notes: tuple[str, ...] = ()

@@ -59,7 +59,6 @@ NOTE = (
 _LOADED = (
     "interp.taylor",
     "interp.literature.greedy",
-    "planner.plan.utilisation_kernels",
     "planner.plan",
     "planner.plan.solvers.interior_kernels",
 )

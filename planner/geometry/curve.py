@@ -81,12 +81,16 @@ class Pieces:
 
     def evaluate(self, u: FloatArray, order: int, left: NDArray[np.bool_] | bool) -> FloatArray:
         """Evaluate derivatives 0..order at the flat array u, from the left where asked; ``(order + 1, n, dim)``."""
-        count, rows, terms = self.coefficients.shape
-        out = np.empty((order + 1, u.size, rows - 1))
+        out = np.empty((order + 1, u.size, self.coefficients.shape[1] - 1))
         sides = np.full(u.size, left) if isinstance(left, bool) else left
-        pieces = self.breaks, self.coefficients, self.rational, self.resting, self.origin
-        core.curve_evaluate(count, rows - 1, terms, *pieces, u.size, u, sides, order, out)
+        core.curve_evaluate(*self.arguments, u.size, u, sides, order, out)
         return out
+
+    @property
+    def arguments(self) -> tuple[Any, ...]:
+        """These pieces as functions of the compiled core take them."""
+        count, rows, terms = self.coefficients.shape
+        return count, rows - 1, terms, self.breaks, self.coefficients, self.rational, self.resting, self.origin
 
 
 @dataclass(frozen=True, eq=False)

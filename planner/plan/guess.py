@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from planner.compiled import core
 from planner.errors import CurveError, InfeasibleError
 from planner.geometry.differential import arc_derivatives, curvature, dot
 from planner.machine.feed_limits import chord_feed_limit, commanded_feed
@@ -235,15 +236,13 @@ def _grown(values: FloatArray, steps: FloatArray) -> FloatArray:
 
     By sums over all steps; where these swamp neighbours that are not 0, the steps are taken one by one.
     """
-    from planner.plan.utilisation_kernels import limit_growth
-
     growth = np.concatenate([[0.0], np.cumsum(steps)])
     forward = np.minimum.accumulate(values - growth) + growth
     back = growth[-1] - growth[::-1]
     out = np.asarray((np.minimum.accumulate(forward[::-1] - back) + back)[::-1])
     if not (out[1:] + out[:-1] > 0.0).all():
         out = values.copy()
-        limit_growth(out, steps)
+        core.guess_limit_growth(out.size, out, steps)
     return np.maximum(out, 0.0)
 
 

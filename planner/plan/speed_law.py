@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.compiled import core
 from planner.geometry.differential import jerk_terms
 from planner.law import TimeLaw
 from planner.plan.rows import Parameter
@@ -122,15 +123,14 @@ def _in_step(
     them by their length and the square of the times ``dt (p - 1,)`` they take, since 60 e |C'| / dt^3 is the jerk of an
     error e; half a digit is not, since over two nodes a microsecond apart it would be a jerk beyond any limit.
     """
-    from planner.plan.utilisation_kernels import follow
-
     total = np.cumsum(np.concatenate([u[:1], advance]))
     # What each addition rounded off, exactly (Knuth's TwoSum); together with it the sums are good to half a digit.
     added = np.diff(total)
     lost = np.concatenate([[0.0], np.cumsum((total[:-1] - (total[1:] - added)) + (advance - added))])
     at = np.flatnonzero(exact)
     left_over = np.empty(at.size)
-    follow((u[at] - total[at]) - lost[at], 0.5 * np.finfo(float).eps * np.abs(u[at]), left_over)
+    bands = 0.5 * np.finfo(float).eps * np.abs(u[at])
+    core.speed_law_follow(at.size, (u[at] - total[at]) - lost[at], bands, left_over)
     share = np.abs(advance) * (dt / dt.max()) ** 2
     share[~(share > 0.0)] = share.mean()  # empty intervals lie between exact points
     over = np.concatenate([[0.0], np.cumsum(share)])

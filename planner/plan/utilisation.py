@@ -7,13 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.compiled import core
 from planner.geometry.curve import Curve
 from planner.law import TimeLaw, quintic_coefficients
 from planner.machine.feed_limits import commanded_feed
 from planner.machine.limit_rows import limit_rows
 from planner.machine.limits import Limits
 from planner.plan.jumps import JERK_BESIDE_STEP, beside_jumps
-from planner.types import FloatArray
+from planner.types import FloatArray, IntArray
 
 # Points an interval: an interval of a solver has two nodes' intervals, hence 10 points, and parabolas between.  A stretch
 # between breaks has no fewer than the second number: one that is a single interval, as a tiny corner is, hides its peaks.
@@ -74,8 +75,6 @@ def _chunk(
     curve: Curve, limits: Limits, law: TimeLaw, index: NDArray[np.intp], end: FloatArray, points: NDArray[np.intp]
 ) -> FloatArray:
     """Largest shares of the limits used in the intervals ``index``, and backward rates, (4, n), at so many points each."""
-    from planner.plan.utilisation_kernels import shares
-
     if law.steps is None:
         h, advance = law.t[index + 1] - law.t[index], law.u[index + 1] - law.u[index]
         digit = np.finfo(float).eps * (np.abs(law.u[index + 1]) + np.abs(law.u_rate[index]) * law.t[index + 1])
@@ -100,20 +99,38 @@ def _chunk(
         ]
     )
     kinds = np.array([(row.motion, row.order - 1) for row in found], dtype=np.int64)
-    out = np.empty((4, index.size))
-    axes, tip = (
-        (part.breaks, part.coefficients, part.rational, part.resting, part.origin)
-        for part in (curve.pieces, curve.tip.pieces)
-    )
-    shares(
-        axes,
-        tip,
-        curve.tip is curve,
-        quintic,
-        spans,
-        rows.reshape(-1, 5),
-        kinds.reshape(-1, 2),
-        (limits.chord_error, limits.period),
-        out,
-    )
+    return shares(curve, quintic, spans, rows.reshape(-1, 5), kinds.reshape(-1, 2), limits.chord_error, limits.period)
+
+
+def shares(
+    curve: Curve,
+    quintic: FloatArray,
+    spans: FloatArray,
+    rows: FloatArray,
+    kinds: IntArray,
+    chord_error: float,
+    period: float,
+) -> FloatArray:
+    """Largest shares of speed, acceleration and jerk limits on the intervals of quintics, and rates backward, (4, n).
+
+    Parameters
+    ----------
+    curve : Curve
+    quintic : (6, n) array
+        Ascending powers of the time since the start of each interval.
+    spans : (7, n) array
+        Duration, smallest and largest u, the end of its stretch between breaks, what a digit of the law is worth in u, the
+        feed limit, and into how many equal parts it is cut to be looked at.
+    rows : (m, 5) array
+        Weights of velocity, acceleration and jerk in each limit row, and its lower and upper bound.
+    kinds : (m, 2) int array
+        Motion of each row, and whether it is about speeds (0), accelerations (1) or jerks (2).
+    chord_error, period : float
+    """
+    out = np.empty((4, spans.shape[1]))
+    pieces = (*curve.pieces.arguments, *curve.tip.pieces.arguments)
+    if not core.utilisation_shares(
+        *pieces, spans.shape[1], quintic, spans, len(rows), rows, kinds, chord_error, period, out
+    ):
+        raise MemoryError("a plan cannot be measured between its nodes")
     return out

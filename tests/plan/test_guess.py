@@ -6,14 +6,15 @@ from cases import CURVES, ellipse, line, mill
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from problems import laid_out
+from utilisation_reference import limit_growth
 
 from planner import load_curve
+from planner.compiled import core
 from planner.errors import InfeasibleError
 from planner.machine.limits import Limits
 from planner.machine.machine_file import load_limits
 from planner.plan.guess import guess_feed
 from planner.plan.section import cut
-from planner.plan.utilisation_kernels import limit_growth
 
 
 def test_guess_is_reachable_and_below_what_every_point_allows(case):
@@ -55,7 +56,10 @@ def test_growth_is_limited_from_every_neighbour(seed):
     rng = np.random.default_rng(seed)
     values, steps = 10.0 ** rng.uniform(-20.0, 0.0, 12), 10.0 ** rng.uniform(-20.0, 0.0, 11)
     limited = values.copy()
-    limit_growth(limited, steps)
+    plain = values.copy()
+    core.guess_limit_growth(12, limited, steps)
+    limit_growth(plain, steps)
+    assert np.array_equal(limited, plain)
     between = np.array([[steps[min(i, j) : max(i, j)].sum() for j in range(12)] for i in range(12)])
     assert limited == pytest.approx((values + between).min(axis=1), rel=1e-14, abs=0.0)
 

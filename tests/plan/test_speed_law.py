@@ -9,8 +9,10 @@ from cases import DRIVES
 from problems import laid_out
 from scipy.integrate import quad
 from scipy.interpolate import CubicSpline
+from utilisation_reference import follow
 
 from planner import load_curve
+from planner.compiled import core
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
 from planner.law import TimeLaw
@@ -324,3 +326,12 @@ def test_what_is_left_over_beyond_half_a_digit_is_spread():
     assert advance.sum() == pytest.approx(1.0 + 1e-13, abs=3e-16)
     assert np.ptp(advance - np.diff(t)) <= 2e-17
     assert nodes[-1] == u[-1]
+
+
+def test_the_lazy_follower_has_the_bits_of_the_plain_one():
+    rng = np.random.default_rng(4)
+    values, bands, found, plain = rng.normal(size=200), np.abs(rng.normal(size=200)), *np.empty((2, 200))
+    core.speed_law_follow(200, values, bands, found)
+    follow(values, bands, plain)
+    np.testing.assert_array_equal(found, plain)
+    assert (np.abs(found - values) <= bands + 1e-14).all()

@@ -1,19 +1,22 @@
 """How far a time law uses the limits between its nodes, against looking everywhere."""
 
+import importlib
+
 import numpy as np
 import pytest
+import utilisation_reference as reference
 from cases import drives
 from program_blocks import line as block
 from program_blocks import program
 from strategies import random_nurbs
 
-from planner import load_curve
+from planner import load_curve, load_limits
+from planner.compiled import core
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
 from planner.law import TimeLaw
 from planner.machine.limits import Limits
-from planner.plan.utilisation import _points, utilisation
-from planner.plan.utilisation_kernels import _peak
+from planner.plan.utilisation import _points, shares, utilisation
 from planner.programs.path.smooth_path import program_path
 
 W = np.sqrt(0.5)
@@ -22,6 +25,14 @@ CURVES = {
     "circle": lambda: load_curve("circle"),
     "butterfly-nurbs": lambda: load_curve("butterfly-nurbs"),
 }
+
+
+def estimated(values, parts, granted):
+    """Highest of the values and of the parabolas between them, less what is granted; whether that may be too low."""
+    top = np.empty(1)
+    doubtful = bool(core.utilisation_peak(parts, np.ascontiguousarray(values), granted, top))
+    assert (top[0], doubtful) == reference.peak(values, parts, granted)
+    return top[0], doubtful
 
 
 def random_law(curve, seed, nodes=30):
@@ -170,7 +181,7 @@ def test_a_peak_is_sure_or_said_to_be_doubtful(granted):
         # at the points alone, or between them, it is about to exceed 1
         cubic += 1.0 + granted - peak + rng.uniform(-1.0, 1.0) * 0.1 * np.ptp(cubic(fine))
         peak = cubic(fine).max() - granted
-        top, doubtful = _peak.py_func(cubic(np.arange(6.0)), 5, granted)
+        top, doubtful = estimated(cubic(np.arange(6.0)), 5, granted)
         doubts += doubtful
         if doubtful:
             continue
@@ -185,9 +196,9 @@ def test_a_peak_is_sure_or_said_to_be_doubtful(granted):
 
 def test_a_peak_that_is_far_below_its_limit_is_not_looked_for():
     values = np.array([0.0, 0.4, 0.1, 0.5, 0.2, 0.3])  # as rough as can be
-    assert not _peak.py_func(values, 5, 0.0)[1]
-    assert _peak.py_func(2.0 * values, 5, 0.0)[1]
-    assert not _peak.py_func(2.0 * values, 5, 1.0)[1]  # granted to rounding
+    assert not estimated(values, 5, 0.0)[1]
+    assert estimated(2.0 * values, 5, 0.0)[1]
+    assert not estimated(2.0 * values, 5, 1.0)[1]  # granted to rounding
 
 
 def test_rounding_of_a_table_is_granted_and_no_more():
@@ -308,3 +319,84 @@ def test_beside_a_curvature_jump_half_of_the_jerk_is_the_steps():
     before = nodes.t[1:51] < 0.05 - 6e-3 + 1e-9
     assert used[:50][before] == pytest.approx(np.full(np.count_nonzero(before), 0.4), rel=1e-3)
     assert used[45:50] == pytest.approx(np.full(5, 0.8), rel=1e-3)
+
+
+def measured(curve, limits, law, monkeypatch):
+    """What goes into the compiled measurement of a law, and what comes out of it."""
+    calls = []
+
+    def kept(*arguments):
+        calls.append((arguments, shares(*arguments)))
+        return calls[-1][1].copy()
+
+    monkeypatch.setattr(importlib.import_module("planner.plan.utilisation"), "shares", kept)
+    utilisation(curve, limits, law)
+    return calls
+
+
+def by_reference(curve, quintic, spans, rows, kinds, chord_error, period):
+    out = np.empty((4, spans.shape[1]))
+    axes, tip = (
+        (part.breaks, part.coefficients, part.rational, part.resting, part.origin)
+        for part in (curve.pieces, curve.tip.pieces)
+    )
+    with np.errstate(all="ignore"):
+        reference.shares(axes, tip, curve.tip is curve, quintic, spans, rows, kinds, (chord_error, period), out)
+    return out
+
+
+MEASURED = {
+    "a spline, every limit": (lambda: random_nurbs(3, 3, 2), drives(**EVERY_LIMIT), 30),
+    "rational, and a number of intervals that four do not divide": (
+        lambda: load_curve("circle"),
+        drives(**EVERY_LIMIT),
+        41,
+    ),
+    "a formula without chord error": (CURVES["formula"], drives(), 10),
+    "one interval": (CURVES["formula"], drives(chord_error=1e-5), 1),
+    "so coarse that all are doubtful": (lambda: random_nurbs(5, 3, 2), drives(**EVERY_LIMIT), 3),
+}
+
+
+@pytest.mark.parametrize("case", MEASURED)
+def test_the_compiled_measurement_has_the_bits_of_the_plain_one(case, monkeypatch):
+    make, limits, nodes = MEASURED[case]
+    curve = make()
+    calls = measured(curve, limits, random_law(curve, 1, nodes), monkeypatch)
+    assert calls
+    for arguments, found in calls:
+        np.testing.assert_array_equal(found, by_reference(*arguments))
+
+
+def test_the_bits_are_those_of_the_plain_one_where_the_tip_has_pieces_of_its_own(monkeypatch):
+    curve, limits = load_curve("flank"), load_limits("five-axis")
+    ((arguments, found),) = measured(curve, limits, random_law(curve, 2, 25), monkeypatch)
+    assert arguments[0].tip.pieces.breaks.size != curve.pieces.breaks.size
+    np.testing.assert_array_equal(found, by_reference(*arguments))
+
+
+def test_what_is_not_a_number_is_measured_like_the_plain_one(monkeypatch):
+    """A tip that rests, an interval that begins at the end of its stretch, and a law of nan."""
+    points = [[0.0, 0.0, 0.0], [10.0, 0.0, 0.1], [10.0, 0.0, 0.2], [20.0, 5.0, 0.3]]
+    curve = NurbsCurve(points, [0, 0, 1, 2, 3, 3], 1, axes=["X", "Y", "A"])
+    limits = Limits(100.0, [250, 250, 0.1], [1000, 1000, 10], [2e4, 2e4, 200], 1e-3, axes=["X", "Y", "A"])
+    u = np.linspace(0.0, 3.0, 13)
+    rate = np.ones(13)
+    rate[[5, 11]] = np.nan, np.inf
+    with np.errstate(all="ignore"):
+        ((arguments, found),) = measured(curve, limits, TimeLaw(u, u, rate, 0.0 * u), monkeypatch)
+    assert not np.isfinite(arguments[1]).all()
+    np.testing.assert_array_equal(found, by_reference(*arguments))
+
+
+def test_a_parabola_of_the_other_side_would_be_seen(monkeypatch):
+    """The planted defect: with the peak's bend of the wrong sign the plain measurement is another one."""
+    curve = CURVES["formula"]()
+    ((arguments, found),) = measured(curve, drives(**EVERY_LIMIT), random_law(curve, 1, 30), monkeypatch)
+    monkeypatch.setattr(reference, "_PARABOLA", -reference._PARABOLA)
+    fewer = by_reference(*arguments)
+    monkeypatch.undo()
+    original = reference.peak
+    monkeypatch.setattr(reference, "peak", lambda values, points, granted: original(-values, points, granted))
+    assert not np.array_equal(found, by_reference(*arguments))
+    assert (fewer <= found).all()

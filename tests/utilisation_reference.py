@@ -1,23 +1,39 @@
-"""Compiled measurement of a time law, see ``utilisation.py``; and what grows by steps at most, see ``guess.py``."""
+"""Loops over the intervals of a time law in plain Python: the compiled ones give the same bits."""
 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, types
-
-from planner.geometry.curve_kernels import FLAG, FLAGS2, NOTHING, READ1, READ2, READ3, WRITE1, WRITE2, point_on_pieces
-from planner.geometry.differential_kernels import chain_rule, half_chord, rates_along, speed_derivatives
+from curve_reference import point_on_pieces
 
 _MAX_PARTS = 80  # that an interval is cut into
 _PARABOLA = 0.07  # its error through four points, against their third difference: max |x (x^2 - 1)| / 6
 _PRECISE = 3e-7  # as a share of a limit
-KINDS = types.Array(types.int64, 2, "C", readonly=True)
-# (breaks, coefficients, rational, resting, origin) of the pieces of a curve
-PIECES = types.Tuple((READ1, READ3, FLAG, FLAGS2, READ2))
 
 
-@njit(forceinline=True, error_model="numpy")
-def _rates(q, tip, u1, u2, u3, rates):
+def chain_rule(q1, q2, q3, u1, u2, u3):
+    """First three derivatives of q(u(t)) with respect to t."""
+    return q1 * u1, q2 * (u1 * u1) + q1 * u2, q3 * (u1 * u1 * u1) + q2 * (3.0 * u1 * u2) + q1 * u3
+
+
+def speed_derivatives(square, along, bend):
+    """|C'| > 0 and its first two derivatives with respect to u, from |C'|^2, C'.C'' and |C''|^2 + C'.C'''."""
+    speed = np.sqrt(square)
+    slope = along / speed
+    return speed, slope, (bend - slope * slope) / speed
+
+
+def rates_along(s1, s2, s3, u1, u2, u3):
+    """First three time derivatives of an arc length, given |C'| and its first two derivatives, from those of u."""
+    return s1 * u1, s1 * u2 + s2 * (u1 * u1), s1 * u3 + s2 * (3.0 * u1 * u2) + s3 * (u1 * u1 * u1)
+
+
+def half_chord(radius, error):
+    """Half the length of the chord that leaves a circle by an error."""
+    sagitta = min(error, radius)
+    return np.sqrt(sagitta * (2.0 * radius - sagitta))
+
+
+def rates_of_motions(q, tip, u1, u2, u3, rates):
     """Write velocity, acceleration and jerk of every motion into ``rates (motions, 3)``: the axes, and last the arc length.
 
     Returns of the arc length of the tip the square of its derivative by u, the derivative and the second one.
@@ -39,10 +55,9 @@ def _rates(q, tip, u1, u2, u3, rates):
     return dot11, s1, s2
 
 
-@njit(forceinline=True, error_model="numpy")
-def _shares_at(q, tip, u1, u2, u3, feed, rows, kinds, chords, rates, out):
+def shares_at(q, tip, u1, u2, u3, feed, rows, kinds, chords, rates, out):
     """Shares of all limits used at a point: of the feed, of the chord error, and of each row."""
-    dot11, s1, s2 = _rates(q, tip, u1, u2, u3, rates)
+    dot11, s1, s2 = rates_of_motions(q, tip, u1, u2, u3, rates)
     chord, period = chords
     out[0] = s1 * abs(u1) / feed
     out[1] = 0.0
@@ -56,24 +71,24 @@ def _shares_at(q, tip, u1, u2, u3, feed, rows, kinds, chords, rates, out):
         # The radius as ``curvature`` in ``differential`` has its inverse, at one point, with the slope that is at hand.
         normal = 0.0
         for j in range(tip.shape[1]):
-            normal += (tip[2, j] - s2 / s1 * tip[1, j]) ** 2
+            across = tip[2, j] - s2 / s1 * tip[1, j]
+            normal += across * across
         if normal > 0.0:
             radius = dot11 / np.sqrt(normal)
             out[1] = s1 * abs(u1) * period / (2.0 * half_chord(radius, chord))
 
 
-@njit(forceinline=True, error_model="numpy")
-def _grant(q, tip, digit, h, feed, rows, kinds, out):
+def grant(q, tip, digit, h, feed, rows, kinds, out):
     """Shares of the limits that rounding makes of a quintic of duration h.
 
     Half a digit of u at both ends is worth up to 2, 6 and 60 of it over h, h^2 and h^3; nine tenths of that are granted
     here, all of it by the check: nothing on a path of metres, all of the jerk at the end of one of 100 km, where no table
     in double precision says more.
     """
-    digits = (1.8 * digit / h, 5.4 * digit / h**2, 54.0 * digit / h**3)
+    digits = (1.8 * digit / h, 5.4 * digit / (h * h), 54.0 * digit / (h * h * h))
     speed = 0.0
     for j in range(tip.shape[1]):
-        speed += tip[1, j] ** 2
+        speed += tip[1, j] * tip[1, j]
     speed = np.sqrt(speed)
     out[0] = digits[0] * speed / feed
     for r in range(kinds.shape[0]):
@@ -84,8 +99,7 @@ def _grant(q, tip, digit, h, feed, rows, kinds, out):
         out[2 + r] = granted / min(rows[r, 4], -rows[r, 3])
 
 
-@njit(forceinline=True, error_model="numpy")
-def _peak(values, points, granted):
+def peak(values, points, granted):
     """Largest value of a row of ``points`` + 1 equidistant ones less what is granted, and whether that may be too low.
 
     A peak between points is that of the parabola through three; it is off by up to 0.07 of the third difference.
@@ -110,11 +124,6 @@ def _peak(values, points, granted):
     return top - granted, doubtful
 
 
-@njit(
-    NOTHING(PIECES, PIECES, FLAG, READ2, READ2, READ2, KINDS, types.UniTuple(types.float64, 2), WRITE2),
-    cache=True,
-    error_model="numpy",
-)
 def shares(axes, tip, cartesian, quintic, spans, rows, kinds, chords, out):
     """Write the largest share of speed, acceleration and jerk limits used in each interval into ``out (4, n)``.
 
@@ -163,23 +172,22 @@ def shares(axes, tip, cartesian, quintic, spans, rows, kinds, chords, out):
                 piece = point_on_pieces(axes[0], axes[1], axes[2], axes[3], axes[4], u, left, piece, q)
                 if not cartesian:
                     tip_piece = point_on_pieces(tip[0], tip[1], tip[2], tip[3], tip[4], u, left, tip_piece, p)
-                _shares_at(q, p, u1, u2, u3, feed, rows, kinds, chords, rates, new)
+                shares_at(q, p, u1, u2, u3, feed, rows, kinds, chords, rates, new)
                 if n == 0:
-                    _grant(q, p, spans[4, i], h, feed, rows, kinds, granted)
+                    grant(q, p, spans[4, i], h, feed, rows, kinds, granted)
                 for k in range(count):
                     values[k, n] = new[k]
             out[0, i] = out[1, i] = out[2, i] = 0.0
             doubtful = False
             for k in range(count):
                 kind = 0 if k < 2 else kinds[k - 2, 1]
-                top, unsure = _peak(values[k], points, granted[k])
+                top, unsure = peak(values[k], points, granted[k])
                 out[kind, i] = max(out[kind, i], top)
                 doubtful = doubtful or unsure
             doubtful = doubtful and points < _MAX_PARTS
             points = min(2 * points, _MAX_PARTS)
 
 
-@njit(NOTHING(WRITE1, READ1), cache=True)
 def limit_growth(values, steps):
     """Lower each value to at most either neighbour's plus the step between them, ``steps (n - 1,)``.
 
@@ -191,7 +199,6 @@ def limit_growth(values, steps):
         values[i] = min(values[i], values[i + 1] + steps[i])
 
 
-@njit(NOTHING(READ1, READ1, WRITE1), cache=True)
 def follow(values, bands, out):
     """Follow the values as lazily as the bands around them allow, from 0 on."""
     last = 0.0

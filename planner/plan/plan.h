@@ -1,0 +1,35 @@
+/* Planning, compiled. */
+#ifndef PLANNER_PLAN_PLAN_H
+#define PLANNER_PLAN_PLAN_H
+
+#include <stdint.h>
+
+/* Write the largest share of speed, acceleration and jerk limits used in each of n intervals into out (4, n); the fourth row is
+ * the largest rate at which u falls back, 1/s.  Returns 0 where memory runs out or there are too many axes, else 1.
+ *
+ * Pieces of the machine axes as in geometry.h; those of the tool tip are the same arrays where every axis moves it.  On interval i the parameter u is quintic (6, n)[:, i], ascending powers of the time since its start.  spans (7, n):
+ * duration, smallest and largest u, the end of its stretch between breaks, what a digit of the law is worth in u, the feed
+ * limit, and into how many equal parts it is cut to be looked at: into twice as many, at most 80, until the parabolas between
+ * points tell whether a limit is kept.  bounds (rows, 5): weights of velocity, acceleration and jerk in each limit row, and its
+ * lower and upper bound; kinds (rows, 2): its motion (the axes, last the arc length of the tip), and whether it is about speeds
+ * (0), accelerations (1) or jerks (2). */
+int64_t utilisation_shares(int64_t pieces, int64_t dim, int64_t terms, const double *breaks,
+                           const double *coefficients, int64_t rational, const uint8_t *resting, const double *origin,
+                           int64_t tip_pieces, int64_t tip_dim, int64_t tip_terms, const double *tip_breaks,
+                           const double *tip_coefficients, int64_t tip_rational, const uint8_t *tip_resting,
+                           const double *tip_origin, int64_t n, const double *quintic, const double *spans,
+                           int64_t rows, const double *bounds, const int64_t *kinds, double chord_error,
+                           double period, double *out);
+
+/* The highest of the equidistant values (parts + 1) of a share, with the peaks of the parabolas through three of them, less what
+ * is granted, into top (1); returns whether a peak between them may be higher and decide.  For its test. */
+int64_t utilisation_peak(int64_t parts, const double *values, double granted, double *top);
+
+/* Lower each of n values to at most either neighbour's plus the step (n - 1) between them; one by one, for sums over all steps
+ * would swamp the small ones. */
+void guess_limit_growth(int64_t n, double *values, const double *steps);
+
+/* Follow the values (n) as lazily as the bands (n) around them allow, from 0 on, into out (n). */
+void speed_law_follow(int64_t n, const double *values, const double *bands, double *out);
+
+#endif
