@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.interpolator import environment
+from benchmarks.environment import environment
 from interp.literature.feedshapes import (
     FILTERS,
     SHAPES,

@@ -24,7 +24,7 @@ from rich.console import Console
 from rich.progress import track
 
 from benchmarks.cases import mill
-from benchmarks.interpolator import environment
+from benchmarks.environment import environment
 from feedplan.comparison import NOTE, compare
 from feedplan.comparison.judgement import Dilation, Judgement, letters
 from feedplan.comparison.methods import METHODS, select_methods

@@ -11,9 +11,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
-import platform
-from importlib.metadata import version
 from pathlib import Path
 from statistics import median
 from time import process_time
@@ -26,8 +23,9 @@ from rich.progress import track
 from rich.table import Table
 
 from benchmarks.cases import reference_cases
+from benchmarks.environment import environment
 from feedplan.job import Job
-from planner import Curve, FeedrateProfile, Limits, __version__, certify
+from planner import Curve, FeedrateProfile, Limits, certify
 
 
 def toppra_seconds(curve: Curve, limits: Limits, intervals: int) -> float:
@@ -115,12 +113,7 @@ def main() -> None:
     }
     Console().print(show(results))
     if options.output is not None:
-        packages = {"feedplan": __version__} | {name: version(name) for name in ("numpy", "numba", "toppra", "casadi")}
-        header = {
-            "intervals": options.intervals,
-            "hardware": {"platform": platform.platform(), "machine": platform.machine(), "cores": os.cpu_count()},
-            "packages": packages,
-        }
+        header = {"intervals": options.intervals, "environment": environment()}
         options.output.write_text(json.dumps(header | {"cases": results}, indent=1) + "\n", encoding="utf-8")
 
 

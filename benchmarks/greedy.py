@@ -15,11 +15,8 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
-import platform
 import time
 from collections.abc import Callable, Sequence
-from importlib.metadata import version
 from math import ceil, pi
 from pathlib import Path
 from statistics import median
@@ -30,6 +27,7 @@ from rich.box import SIMPLE
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.environment import environment
 from interp.literature.greedy import greedy
 from interp.literature.greedy_published import DEFECTS, PUBLISHED_COUNTS, PUBLISHED_LIMITS
 from interp.literature.greedy_setup import Braking
@@ -189,13 +187,6 @@ def speed_table(steps: int) -> list[dict[str, Any]]:
             }
         )
     return rows
-
-
-def environment() -> dict[str, object]:
-    """Versions and hardware."""
-    packages = {name: version(name) for name in ("numpy", "numba", "llvmlite")}
-    hardware = {"platform": platform.platform(), "machine": platform.machine(), "cores": os.cpu_count()}
-    return {"python": platform.python_version(), **packages, **hardware}
 
 
 def grid(title: str, heads: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:

@@ -16,12 +16,9 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
-import platform
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +27,7 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.cases import drives
+from benchmarks.environment import environment
 from feedplan.job import load_job
 from interp import InterpolatorTable, TaylorTable, quintic_step, replay, start, stepping, taylor_step
 from interp.taylor import runner
@@ -269,17 +267,6 @@ def quantiles(curve: str, form: str, taken: NDArray[np.int64]) -> CallTimes:
     """Summarise the times of single calls."""
     p50, p99 = np.percentile(taken, [50.0, 99.0])
     return CallTimes(curve, form, float(p50), float(p99), float(taken.max()))
-
-
-def environment() -> dict[str, object]:
-    """Versions and hardware."""
-    model = platform.processor() or platform.machine()
-    cpuinfo = Path("/proc/cpuinfo")
-    if cpuinfo.exists():
-        names = [line.split(":", 1)[1].strip() for line in cpuinfo.read_text().splitlines() if "model name" in line]
-        model = names[0] if names else model
-    packages = {name: version(name) for name in ("numpy",)}
-    return {"python": platform.python_version(), **packages, "cpu": model, "cores": os.cpu_count()}
 
 
 def ratio_text(ratios: Sequence[float]) -> str:

@@ -28,7 +28,8 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.cases import drives
-from benchmarks.interpolator import arrival, deviations, difference_ratios, environment, ratio_text
+from benchmarks.environment import environment
+from benchmarks.interpolator import arrival, deviations, difference_ratios, ratio_text
 from feedplan.job import load_job
 from interp.literature.forms import FORMS, FormName, prepare, replay_form
 from planner.files.whole_file import require_writable, whole_file

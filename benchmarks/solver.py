@@ -14,13 +14,10 @@ from __future__ import annotations
 import argparse
 import gc
 import json
-import os
-import platform
 import resource
 import subprocess
 import sys
 import time
-from importlib.metadata import version
 from pathlib import Path
 from statistics import median
 from time import process_time
@@ -34,8 +31,9 @@ from rich.table import Table
 
 from benchmarks.cases import bump, drives, mill, reference_cases
 from benchmarks.durations import toppra_seconds
+from benchmarks.environment import environment
 from feedplan.job import Job
-from planner import Curve, FeedrateError, Limits, __version__, certify, load_curve
+from planner import Curve, FeedrateError, Limits, certify, load_curve
 from planner.files.whole_file import whole_file
 from planner.geometry.nurbs import NurbsCurve
 from planner.plan.guess import guess_feed
@@ -44,6 +42,7 @@ from planner.plan.rows import build
 from planner.plan.section import cut
 from planner.plan.solvers import interior as optimal
 from planner.plan.solvers import ipopt as nlp
+from planner.types import FloatArray
 
 INTERVALS = 1000
 # COPP solves well where the numbers are about 1.
@@ -63,17 +62,12 @@ def problem_of(curve: Curve, limits: Limits, intervals: int) -> Any:
     return build(section, limits, place_knots(section, guess, intervals), guess)[0]
 
 
-def copp_seconds(curve: Curve, limits: Limits, intervals: int) -> tuple[float, float] | None:
-    """CPU time and duration of COPP's jerk-limited SOCP, linearised again until the time settles.
-
-    None where it is not installed, or gives up.
-    """
+def copp_robot(curve: Curve, limits: Limits, intervals: int) -> tuple[Any, FloatArray] | None:
+    """The path and the axes' limits as COPP takes them, and its grid; None where COPP is not installed."""
     try:
         import copp_py as copp
     except ImportError:
         return None
-    from copp_py.solver import topp2_ra, topp3_socp
-
     share = np.linspace(0.0, 1.0, intervals + 1)
     u0, u1 = curve.domain
     q = curve.derivatives(np.clip(u0 + share * (u1 - u0), u0, u1), 3) / _COPP_LENGTH
@@ -89,6 +83,37 @@ def copp_seconds(curve: Curve, limits: Limits, intervals: int) -> tuple[float, f
     ):
         bound = row * _COPP_TIME**order / _COPP_LENGTH
         add(bound, -bound, start_idx_s=0)
+    return robot, share
+
+
+def copp_without_jerk_seconds(curve: Curve, limits: Limits, intervals: int) -> float | None:
+    """CPU time of COPP's TOPP2-RA, which knows no jerk limit; None where it is not installed, or gives up."""
+    made = copp_robot(curve, limits, intervals)
+    if made is None:
+        return None
+    import copp_py as copp
+    from copp_py.solver import topp2_ra
+
+    began = process_time()
+    try:
+        topp2_ra.solve(topp2_ra.Problem(made[0].constraints, (0, intervals)))
+    except copp.CoppError:
+        return None
+    return process_time() - began
+
+
+def copp_seconds(curve: Curve, limits: Limits, intervals: int) -> tuple[float, float] | None:
+    """CPU time and duration of COPP's jerk-limited SOCP, linearised again until the time settles.
+
+    None where it is not installed, or gives up.
+    """
+    made = copp_robot(curve, limits, intervals)
+    if made is None:
+        return None
+    robot, share = made
+    import copp_py as copp
+    from copp_py.solver import topp2_ra, topp3_socp
+
     began = process_time()
     at = topp2_ra.solve(topp2_ra.Problem(robot.constraints, (0, intervals)))
     duration = np.inf
@@ -369,12 +394,9 @@ def main() -> None:
     some = random_plans(options.random)
     out.print_json(data=some)
     if options.output is not None:
-        packages = {"feedplan": __version__} | {name: version(name) for name in ("numpy", "numba", "toppra", "casadi")}
-        hardware = {"platform": platform.platform(), "machine": platform.machine(), "cores": os.cpu_count()}
         bars = {"size_solve_s": _SIZE_BARS, "size_total_s": _MAX_TOTAL, "size_memory_gb": _MAX_MEMORY}
         data = {
-            "hardware": hardware,
-            "packages": packages,
+            "environment": environment(),
             "bars": bars,
             "cases": rows,
             "sizes": sizes,

@@ -1,0 +1,181 @@
+"""What is measured in processes of their own: start-up, a long plan and its memory, a step; also of another checkout.
+
+    python -P benchmarks/processes.py plan 1000000
+    python -P benchmarks/processes.py steps
+
+measure the packages that stand on ``PYTHONPATH``, which the functions here set to one checkout or the other, in turn.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from statistics import median
+from time import process_time
+from typing import Any
+
+HERE = Path(__file__).resolve().parents[1]
+_PACKAGES = ("planner", "interp", "feedplan")
+_COMMAND = ("-m", "feedplan", "plan", "circle")
+_NUMPY = ("-c", "import numpy")
+_PLANAR = ("circle", "teardrop", "butterfly-nurbs")
+_PERIOD = 1e-3  # s
+_PATIENCE = 3600  # s
+
+
+class AbsentError(Exception):
+    """A checkout that cannot be measured here, and why."""
+
+
+# ---- called by the benchmark ---------------------------------------------------------------------------------------
+
+
+def start_up(repeats: int, first_repeats: int, checkout: Path = HERE) -> dict[str, Any]:
+    """CPU time of whole processes, s: ``feedplan plan circle`` and, in turn with it, ``import numpy``.
+
+    "first" is the first command after a fresh install: the packages are copied without any cache, not even bytecode.
+    """
+    first, later, numpy_alone = [], [], []
+    with tempfile.TemporaryDirectory() as folder:
+        for k in range(first_repeats):
+            fresh = fresh_copy(checkout, Path(folder) / f"{k}")
+            numpy_alone.append(children_cpu(_NUMPY, fresh))
+            first.append(children_cpu(_COMMAND, fresh))
+        for _ in range(repeats):
+            numpy_alone.append(children_cpu(_NUMPY, fresh))
+            later.append(children_cpu(_COMMAND, fresh))
+    alone = median(numpy_alone)
+    return {
+        "numpy_cpu_s": alone,
+        "first_cpu_s": median(first),
+        "later_cpu_s": median(later),
+        "first_per_numpy": median(first) / alone,
+        "later_per_numpy": median(later) / alone,
+    }
+
+
+def fresh_copy(checkout: Path, folder: Path) -> Path:
+    """Copy the packages as an installation puts them, without anything cached."""
+    folder.mkdir()
+    for name in _PACKAGES:
+        shutil.copytree(checkout / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+    return folder
+
+
+def children_cpu(arguments: Sequence[str], packages: Path) -> float:
+    """CPU time of a Python process and of all that it starts, s."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    run_python(arguments, packages)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def run_python(arguments: Sequence[str], packages: Path) -> str:
+    """Run Python with a checkout, or a copy of its packages, before what is installed; returns what it printed.
+
+    Raises
+    ------
+    AbsentError
+        If it fails.
+    """
+    environment = {**os.environ, "PYTHONPATH": str(packages), "OPENBLAS_NUM_THREADS": "1"}
+    environment.pop("NUMBA_CACHE_DIR", None)
+    command = [sys.executable, "-P", *arguments]
+    done = subprocess.run(
+        command, cwd=packages, env=environment, capture_output=True, text=True, timeout=_PATIENCE, check=False
+    )
+    if done.returncode != 0:
+        raise AbsentError((done.stderr.strip() or done.stdout.strip()).splitlines()[-1])
+    return done.stdout
+
+
+def in_checkout(checkout: Path, *arguments: str) -> dict[str, Any]:
+    """Run a measurement of this file in a process that sees the packages of a checkout."""
+    answer: dict[str, Any] = json.loads(run_python([str(Path(__file__).resolve()), *arguments], checkout))
+    return answer
+
+
+def in_turn(before: Path | None, turns: int, *arguments: str) -> dict[str, list[dict[str, Any]]]:
+    """The same measurement here and, where one is given, in another checkout, one after the other."""
+    checkouts = {"here": HERE} | ({} if before is None else {"before": before})
+    found: dict[str, list[dict[str, Any]]] = {name: [] for name in checkouts}
+    for _ in range(turns):
+        for name, checkout in checkouts.items():
+            found[name].append(in_checkout(checkout, *arguments))
+    return found
+
+
+# ---- run in a process of its own -----------------------------------------------------------------------------------
+
+
+def memory(kind: str) -> int:
+    """``VmRSS`` or the highest so far, ``VmHWM``, of this process, bytes."""
+    status = Path("/proc/self/status").read_text(encoding="ascii")
+    return 1024 * int(status.split(f"{kind}:")[1].split()[0])
+
+
+def long_plan(intervals: int) -> dict[str, Any]:
+    """Plan a winding path: CPU time, and the memory that comes on top of what the curve and the libraries take."""
+    from benchmarks.cases import drives
+    from benchmarks.solver import long_path
+    from feedplan.job import Job
+    from planner import load_curve
+
+    Job(load_curve("teardrop"), drives()).plan()
+    curve, limits = long_path(intervals)
+    _ = curve.breaks
+    held = memory("VmRSS")
+    began = process_time()
+    profile = Job(curve, limits).plan(intervals=intervals)
+    return {
+        "plan_cpu_s": process_time() - began,
+        "duration_s": profile.duration,
+        "bytes_per_interval": (memory("VmHWM") - held) / intervals,
+        "peak_gb": memory("VmHWM") / 1e9,
+    }
+
+
+def steps() -> dict[str, Any]:
+    """Time of a step of the quintic table in its compiled loop, ns, and whether steps make the bits of the replay."""
+    import numpy as np
+
+    from benchmarks.cases import drives
+    from benchmarks.interpolator import FORMS, loop_times
+    from feedplan.job import Job
+    from interp import InterpolatorTable, quintic_step, replay, start
+    from planner import load_curve
+
+    step_ns, same = {}, True
+    for name in _PLANAR:
+        curve = load_curve(name)
+        profile = Job(curve, drives()).plan(intervals=1000)
+        step_ns[name] = median(loop_times(profile, FORMS[-1], _PERIOD))
+        table = InterpolatorTable.from_profile(profile)
+        state = start(table, _PERIOD)
+        position = state[-table.dim :]
+        stepped = [position.copy()]
+        while not quintic_step(*table.arrays, state):
+            stepped.append(position.copy())
+        stepped.append(position.copy())
+        same &= np.array_equal(np.array(stepped), replay(curve, profile, _PERIOD).position)
+    return {"step_ns": step_ns, "same_bits_as_replay": bool(same)}
+
+
+def main() -> None:
+    import planner
+
+    if not Path(planner.__file__).is_relative_to(os.environ["PYTHONPATH"]):
+        sys.exit(f"no feedplan in {os.environ['PYTHONPATH']}")
+    kind, *rest = sys.argv[1:]
+    print(json.dumps(long_plan(int(rest[0])) if kind == "plan" else steps()))
+
+
+if __name__ == "__main__":
+    main()
