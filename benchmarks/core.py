@@ -273,14 +273,15 @@ def start(settings: Settings) -> tuple[list[Row], dict[str, Any]]:
 
 def million(settings: Settings) -> tuple[list[Row], dict[str, Any]]:
     """A very long plan: its CPU time over an earlier one's, and its memory an interval."""
-    what = (f"plan on {settings.million or 1_000_000} intervals", "the same, memory an interval, bytes")
+    plan = f"plan on {settings.million or 1_000_000} intervals"
+    what = (f"{plan} : before", f"{plan}, memory an interval, bytes")
     if not settings.million:
         return [Row(text, target, {}, "needs --million") for text, target in zip(what, (0.3, 800.0), strict=True)], {}
     found, missing = _in_turn(settings, 1, "plan", str(settings.million))
     here, before = found["here"][0], found["before"]
     ratio = {"winding path": here["plan_cpu_s"] / before[0]["plan_cpu_s"]} if before else {}
     rows = [
-        Row(f"{what[0]} : before", 0.3, ratio, missing),
+        Row(what[0], 0.3, ratio, missing),
         Row(what[1], 800.0, {"winding path": here["bytes_per_interval"]}),
     ]
     return rows, found
