@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
+from feedplan.layout import BOLD, GREEN, RED, Cell, indented, named, styled, table
 from feedplan.verdict import Verdict, percent, side_by_side
 from planner.geometry.curve import Curve
 from planner.machine.limits import Limits
@@ -15,9 +16,6 @@ from planner.status import Claim
 from planner.verify import Report, Row
 
 if TYPE_CHECKING:
-    from rich.console import RenderableType
-    from rich.table import Table
-
     from planner.programs.path.smooth_path import ProgramPath
     from planner.programs.reading.program import Program
 
@@ -27,50 +25,49 @@ _NOTES_SHOWN = 8
 _LINES_SHOWN = 8
 
 
-def to_text(verdict: Verdict) -> RenderableType:
-    """Lay the verdict out for a terminal of 80 columns or more."""
-    from rich.console import Group
-    from rich.padding import Padding
-    from rich.text import Text
-
-    parts: list[RenderableType] = [
-        _facts(verdict),
+def to_text(verdict: Verdict) -> list[str]:
+    """Lay the verdict out in lines for a terminal of 80 columns or more."""
+    parts = [
+        *_facts(verdict),
         "",
-        _limit_table(verdict.reports),
+        *_limit_table(verdict.reports),
         "",
-        held_back(verdict.profile),
+        *held_back(verdict.profile),
         *_worth(verdict.profile),
-        *([] if verdict.proof is None else [named("proved", verdict.proof.statement)]),
-        *(named("note", note) for note in _shortened(verdict.notes)),
-        *(named("written", name) for name in verdict.files),
+        *([] if verdict.proof is None else named("proved", verdict.proof.statement)),
+        *_all_named("note", _shortened(verdict.notes)),
+        *_all_named("written", verdict.files),
         "",
     ]
     if verdict.ok:
         count = verdict.samples.t.size
-        return Group(*parts, Text(f"OK  every limit holds, for the plan and for its {count} samples", "bold green"))
+        return [*parts, styled(f"OK  every limit holds, for the plan and for its {count} samples", GREEN)]
     if verdict.holds and verdict.proof is not None and not verdict.proof.ok:
-        return Group(*parts, Text("NOT PROVED", "bold red"), Padding(Text(verdict.proof.refusal), (0, 0, 0, 2)))
+        return [*parts, styled("NOT PROVED", RED), *indented(verdict.proof.refusal)]
     if verdict.holds:
         text = f"every limit holds, but the lower bound is {_contradiction(verdict)}"
-        return Group(*parts, Text("BOUND CONTRADICTED", "bold red"), Padding(Text(text), (0, 0, 0, 2)))
-    return Group(*parts, Text("LIMIT BROKEN", "bold red"), Padding(Text(_broken(verdict)), (0, 0, 0, 2)))
+        return [*parts, styled("BOUND CONTRADICTED", RED), *indented(text)]
+    return [*parts, styled("LIMIT BROKEN", RED), *indented(_broken(verdict))]
 
 
-def samples_text(profile: FeedrateProfile, samples: Samples, report: Report, apart: float, file: str) -> RenderableType:
+def samples_text(profile: FeedrateProfile, samples: Samples, report: Report, apart: float, file: str) -> list[str]:
     """Lay out what the samples of a plan use of its limits; ``apart`` is their distance from the plan, mm or rad."""
-    from rich.console import Group
-    from rich.text import Text
-
     curve = profile.curve
-    lines = [
-        named("curve", f"{curve.name}, {curve.length:.6g} mm, axes {' '.join(curve.axes)}"),
-        named("plan", f"{profile.method}, {profile.duration:.6g} s"),
-        named("samples", f"{samples.t.size}, one every {quantity(samples.period, 's')}"),
-        named("off the plan", f"{apart:.3g} at most, mm or rad on any axis"),
+    return [
+        *named("curve", f"{curve.name}, {curve.length:.6g} mm, axes {' '.join(curve.axes)}"),
+        *named("plan", f"{profile.method}, {profile.duration:.6g} s"),
+        *named("samples", f"{samples.t.size}, one every {quantity(samples.period, 's')}"),
+        *named("off the plan", f"{apart:.3g} at most, mm or rad on any axis"),
+        "",
+        *_limit_table([("samples", report)]),
+        "",
+        *(named("written", file) if file else []),
+        *([] if report.ok else [styled("LIMIT BROKEN", RED)]),
     ]
-    written = [named("written", file)] if file else []
-    verdict = [] if report.ok else [Text("LIMIT BROKEN", "bold red")]
-    return Group(*lines, "", _limit_table([("samples", report)]), "", *written, *verdict)
+
+
+def _all_named(name: str, texts: Iterable[str]) -> list[str]:
+    return [line for text in texts for line in named(name, text)]
 
 
 def _shortened(notes: list[str]) -> list[str]:
@@ -86,17 +83,15 @@ def _contradiction(verdict: Verdict) -> str:
     return f"above the time of the plan: {'the claim of the table is false' if claimed else own}"
 
 
-def _facts(verdict: Verdict) -> RenderableType:
-    from rich.console import Group
-
+def _facts(verdict: Verdict) -> list[str]:
     profile, limits, curve = verdict.profile, verdict.limits, verdict.profile.curve
     time = f"{profile.duration:.6g} s"
     lines = [
-        named("curve", f"{curve.name}, {curve.length:.6g} mm, axes {' '.join(curve.axes)}"),
-        *(named(name, text) for name, text in verdict.facts),
+        *named("curve", f"{curve.name}, {curve.length:.6g} mm, axes {' '.join(curve.axes)}"),
+        *fact_lines(verdict.facts),
         *([] if verdict.program is None else program_lines(verdict.program)),
-        machine_line(verdict.machine, limits, curve),
-        named("plan", f"{profile.method}, {profile.nodes} nodes" + _planned_in(verdict.planning_time)),
+        *machine_line(verdict.machine, limits, curve),
+        *named("plan", f"{profile.method}, {profile.nodes} nodes" + _planned_in(verdict.planning_time)),
     ]
     if math.isfinite(verdict.gap):
         gap = percent(max(verdict.gap, 0.0) if verdict.holds else verdict.gap, 2)
@@ -111,10 +106,15 @@ def _facts(verdict: Verdict) -> RenderableType:
             bound = f"{verdict.lower_bound:.6g} s is the table's claim, not checked; if true, the gap is at most {gap}"
     else:
         bound = "none from this method"
-    return Group(*lines, named("duration", time, "bold"), named("lower bound", bound))
+    return [*lines, *named("duration", time, BOLD), *named("lower bound", bound)]
 
 
-def machine_line(machine: str, limits: Limits, curve: Curve) -> Table:
+def fact_lines(facts: Iterable[tuple[str, str]]) -> list[str]:
+    """Lay out what is known of where a curve comes from."""
+    return [line for name, text in facts for line in named(name, text)]
+
+
+def machine_line(machine: str, limits: Limits, curve: Curve) -> list[str]:
     """Lay out where the limits come from, and which feed and period they have."""
     feed = f"feed {quantity(limits.feed, 'mm/s')}" if math.isfinite(limits.feed) else "no feed limit"
     if math.isfinite(limits.rapid) and curve.feed_caps is not None:
@@ -122,7 +122,7 @@ def machine_line(machine: str, limits: Limits, curve: Curve) -> Table:
     return named("machine", f"{machine}; {feed}, period {quantity(limits.period, 's')}")
 
 
-def program_lines(path: ProgramPath) -> Iterator[Table]:
+def program_lines(path: ProgramPath) -> list[str]:
     """Lay out how the path of a part program keeps to it."""
     if path.deviation.largest > 0.0:
         far = (
@@ -130,13 +130,14 @@ def program_lines(path: ProgramPath) -> Iterator[Table]:
         )
     else:
         far = f"none; {_micro(path.tolerance)} allowed" if path.tolerance > 0.0 else "none"
-    yield named("deviation", far)
+    found = named("deviation", far)
     reasons: dict[str, list[int]] = {}
     for stop in path.stops:
         reasons.setdefault(stop.reason, []).append(stop.line)
     for reason, lines in reasons.items():
         shown = ", ".join(map(str, lines[:_LINES_SHOWN])) + (", ..." if len(lines) > _LINES_SHOWN else "")
-        yield named("exact stops", f"{len(lines)}, {reason}: after line {shown}")
+        found += named("exact stops", f"{len(lines)}, {reason}: after line {shown}")
+    return found
 
 
 def program_summary(program: Program, path: ProgramPath) -> str:
@@ -164,46 +165,29 @@ def _micro(length: float) -> str:
     return f"{1e3 * length:.4g} um"
 
 
-def _worth(profile: FeedrateProfile) -> list[Table]:
+def _worth(profile: FeedrateProfile) -> list[str]:
     """One line on the limits whose relaxation would save most."""
     saved = {name: 10.0 * value for name, value in profile.saved_by_one_percent.items()}
     shown = [(name, value) for name, value in saved.items() if value > _WORTH_SHOWN * profile.duration][:4]
     if not shown:
         return []
-    return [named("10% more of", ", ".join(f"{name} saves {value:.3g} s" for name, value in shown))]
+    return named("10% more of", ", ".join(f"{name} saves {value:.3g} s" for name, value in shown))
 
 
 def _planned_in(seconds: float) -> str:
     return f", planned in {seconds:.3g} s" if math.isfinite(seconds) else ""
 
 
-def named(name: str, text: str, style: str = "") -> Table:
-    """Lay out one line of the verdict; a long text wraps under itself."""
-    from rich.table import Table
-    from rich.text import Text
-
-    line = Table.grid(padding=(0, 2, 0, 0))
-    line.add_column(width=12)
-    line.add_column(overflow="fold")
-    line.add_row(name, Text(text, style=style))
-    return line
-
-
-def _limit_table(reports: Sequence[tuple[str, Report]]) -> Table:
+def _limit_table(reports: Sequence[tuple[str, Report]]) -> list[str]:
     """Lay out the share of each limit that is used: a row for each limit and axis, a column for each report."""
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(box=None, padding=(0, 2, 0, 0), header_style="underline")
-    table.add_column("limit", no_wrap=True)
-    for title in ("allowed", *(title for title, _ in reports), "worst at"):
-        table.add_column(title, justify="right", no_wrap=True)
+    heads = ["limit", "allowed", *(title for title, _ in reports), "worst at"]
+    lines: list[list[str | Cell]] = []
     for rows in side_by_side(reports):
         worst = max((row for row in rows if row is not None), key=lambda row: row.ratio)
-        cells = [Text(f"{worst.limit} {worst.axis}".strip()), Text(quantity(worst.allowed, worst.unit))]
-        cells += [Text("") if row is None else Text(_used(row), "" if row.ok else "bold red") for row in rows]
-        table.add_row(*cells, Text(f"{worst.t:.3f} s"))
-    return table
+        used = ["" if row is None else Cell(_used(row), "" if row.ok else RED) for row in rows]
+        name = f"{worst.limit} {worst.axis}".strip()
+        lines.append([name, quantity(worst.allowed, worst.unit), *used, f"{worst.t:.3f} s"])
+    return table(heads, lines, left=("limit",))
 
 
 def _broken(verdict: Verdict) -> str:
@@ -218,7 +202,7 @@ def _broken(verdict: Verdict) -> str:
     )
 
 
-def held_back(profile: FeedrateProfile) -> Table:
+def held_back(profile: FeedrateProfile) -> list[str]:
     """Lay out which limit holds a plan back for which share of the time; the shares add up to all of it."""
     return named("held back by", ", ".join(f"{name} {percent(share)}" for name, share in _main_shares(profile)))
 

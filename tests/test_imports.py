@@ -45,7 +45,7 @@ APART = {
     "planner.geometry": ("planner.files",),
 }
 DOORS = ("planner", "interp", "feedplan")  # they hand names on, each loaded when it is first used
-HEAVY = ("casadi", "ezdxf", "toppra", "ruckig", "matplotlib", "numba", "scipy", "pydantic", "typer", "rich", "pandas")
+HEAVY = ("casadi", "ezdxf", "toppra", "ruckig", "matplotlib", "numba", "scipy", "click", "rich", "pandas")
 
 
 def module_name(path: Path) -> str:

@@ -15,13 +15,13 @@ import sys
 sys.path.insert(0, sys.argv[1])
 import feedplan
 assert feedplan.__file__.startswith(sys.argv[1]), feedplan.__file__
-from feedplan.cli.app import _curves
+from feedplan.cli.options import curve_names
 from importlib import resources
 for name in feedplan.CATALOG:
     assert feedplan.load_curve(name).length > 0.0
 assert feedplan.load_limits("five-axis").dim == 5
 assert feedplan.load_limits("mill").dim == 3
-assert _curves("tear") == ["teardrop"]
+assert curve_names("tear") == ["teardrop"]
 assert "<html" in resources.files("feedplan").joinpath("page.html").read_text(encoding="utf-8")
 """
 

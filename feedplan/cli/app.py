@@ -1,31 +1,28 @@
-"""What all commands share: the application, types of arguments, exit codes, loading and the verdict.
+"""What all commands share: the application, exit codes, what is refused before the work begins, and the verdict.
 
-Exit codes: 0 every limit holds, 1 a limit is broken, 2 bad input, 3 no plan was found, 130 interrupted.  Nothing
-heavier than typer loads before a command runs.
+Exit codes: 0 every limit holds, 1 a limit is broken, 2 bad input, 3 no plan was found, 130 interrupted.  A command loads
+the file named after it and no other, and nothing heavier than click loads before it runs.
 """
 
 from __future__ import annotations
 
-import json
+import os
 import signal
-import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from importlib import resources
+from importlib import import_module
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Annotated, NoReturn, TypedDict
+from typing import TYPE_CHECKING, Any, NoReturn, TypedDict
 
-import typer
+import click
 
 from planner import __version__
 from planner.errors import BrokenLimitError, FeedrateError, InputError
-from planner.files.formats import ANY_COLUMN_FORMAT, file_format
+from planner.files.formats import file_format
 from planner.files.whole_file import require_writable
 
 if TYPE_CHECKING:
-    from rich.console import RenderableType
-
     from feedplan.verdict import Verdict
 
 
@@ -64,79 +61,44 @@ Exit codes: 0 every limit holds, 1 a limit is broken or a claim does not hold,
 2 bad input, 3 no plan was found.
 """
 
-app = typer.Typer(
+_COMMANDS = ("plan", "check", "replay", "compare", "report", "time", "ngc", "windows", "curves")  # as help lists them
+
+
+class Commands(click.Group):
+    """The commands, each in the module named after it, which loads when it is asked for."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Names in the order of help."""
+        return list(_COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Load a command; None if there is none of that name."""
+        if cmd_name not in _COMMANDS:
+            return None
+        command: click.Command = getattr(import_module(f"feedplan.cli.{cmd_name}"), cmd_name)
+        return command
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run a command; what it raises on purpose becomes an exit code."""
+        with exits():
+            return super().invoke(ctx)
+
+
+@click.group(
+    cls=Commands,
     help=_HELP,
     epilog=_EXAMPLES,
-    rich_markup_mode=None,  # rich would double the time --help takes
-    pretty_exceptions_enable=False,
     no_args_is_help=True,
-    context_settings={"help_option_names": ["-h", "--help"]},
+    context_settings={"help_option_names": ["-h", "--help"], "show_default": True},
 )
-
-
-def _curves(incomplete: str) -> list[str]:
-    """Complete the name of a curve; where none begins so, the shell completes the name of a file."""
-    text = resources.files("planner").joinpath("data", "curve_facts.json").read_text(encoding="utf-8")
-    return [name for name in json.loads(text) if name.startswith(incomplete)]
-
-
-def _machines(incomplete: str) -> list[str]:
-    """Complete the name of an example machine."""
-    found = (Path(entry.name).stem for entry in resources.files("planner").joinpath("data", "machines").iterdir())
-    return sorted(name for name in found if name.startswith(incomplete))
-
-
-CurveName = Annotated[
-    str,
-    typer.Argument(
-        metavar="CURVE",
-        help='Name of a curve, or a file: .json, .toml, .dxf, .csv, .ngc; "-" is standard input.',
-        autocompletion=_curves,
-    ),
-]
-TableFile = Annotated[
-    Path, typer.Argument(metavar="TABLE", help=f'Feedrate table, {ANY_COLUMN_FORMAT}; "-" is standard input.')
-]
-Scale = Annotated[float, typer.Option(help="Multiplies the linear axes of the curve.")]
-AsJson = Annotated[bool, typer.Option("--json", help="Print the verdict as JSON and nothing else.")]
-Machine = Annotated[
-    str | None,
-    typer.Option(metavar="FILE", help="Machine file, .toml or .ini, or an example machine.", autocompletion=_machines),
-]
-
-Tolerance = Annotated[
-    float | None,
-    typer.Option(
-        "--tolerance-mm", help="Distance allowed from a part program, in place of its P words, or from points."
-    ),
-]
-
-PlotWidth = Annotated[
-    float | None, typer.Option("--width-mm", help="Width of the figure; 85 is a paper's column, 180 its page.")
-]
+@click.version_option(__version__, prog_name="feedplan", message="%(prog)s %(version)s", help="Print the version.")
+def app() -> None:
+    """Hold the commands; the help of the group says what they do."""
 
 
 def main() -> None:
     """Run the command line."""
-    try:
-        app(prog_name="feedplan")
-    except KeyboardInterrupt:
-        sys.exit(INTERRUPTED)
-
-
-def _show_version(wanted: bool) -> None:
-    if wanted:
-        typer.echo(f"feedplan {__version__}")
-        raise typer.Exit
-
-
-@app.callback()
-def _options(
-    version: Annotated[
-        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Print the version.")
-    ] = False,
-) -> None:
-    pass
+    app(prog_name="feedplan")
 
 
 @contextmanager
@@ -154,14 +116,14 @@ def exits() -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        raise typer.Exit(INTERRUPTED) from None
+        raise click.exceptions.Exit(INTERRUPTED) from None
     except FeedrateError as error:
         if interrupted:
-            raise typer.Exit(INTERRUPTED) from None
-        typer.echo(f"error: {error}", err=True)
+            raise click.exceptions.Exit(INTERRUPTED) from None
+        click.echo(f"error: {error}", err=True)
         if isinstance(error, BrokenLimitError):
-            raise typer.Exit(BROKEN) from None
-        raise typer.Exit(BAD_INPUT if isinstance(error, InputError) else NO_PLAN) from None
+            raise click.exceptions.Exit(BROKEN) from None
+        raise click.exceptions.Exit(BAD_INPUT if isinstance(error, InputError) else NO_PLAN) from None
     finally:
         signal.signal(signal.SIGINT, previous)
 
@@ -212,7 +174,7 @@ def require_figure(plot: Path | None, panels: str | None, width_mm: float | None
 
 def notice(text: str) -> None:
     """Say on standard error what is no error and yet worth knowing."""
-    typer.echo(text, err=True)
+    click.echo(text, err=True)
 
 
 def report_verdict(verdict: Verdict, as_json: bool, *, aside: bool = False) -> None:
@@ -221,15 +183,14 @@ def report_verdict(verdict: Verdict, as_json: bool, *, aside: bool = False) -> N
     from feedplan.verdict_text import to_text
 
     if as_json:
-        typer.echo(to_json(verdict), err=aside)
+        click.echo(to_json(verdict), err=aside)
     else:
         show(to_text(verdict), aside=aside)
     if not verdict.ok:
-        raise typer.Exit(BROKEN)
+        raise click.exceptions.Exit(BROKEN)
 
 
-def show(text: RenderableType, *, aside: bool = False) -> None:
-    """Print on standard output, or on standard error if ``aside``, nothing highlighted."""
-    from rich.console import Console
-
-    Console(highlight=False, markup=False, emoji=False, stderr=aside).print(text)
+def show(lines: Sequence[str], *, aside: bool = False) -> None:
+    """Print on standard output, or on standard error if ``aside``; colours are for a terminal that wants them."""
+    plain = bool(os.environ.get("NO_COLOR")) or os.environ.get("TERM") == "dumb"
+    click.echo("\n".join(lines), err=aside, color=False if plain else None)

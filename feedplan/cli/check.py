@@ -4,32 +4,39 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
 
-import typer
+import click
 
-from feedplan.cli.app import AsJson, CurveName, Machine, Scale, TableFile, Tolerance, app, exits, report_verdict
+from feedplan.cli import options
+from feedplan.cli.app import report_verdict
 from feedplan.cli.streams import Streams
 from feedplan.job import load_job_of_table
 
 
-@app.command(epilog="\b\nExample:\n  feedplan check table.csv butterfly-nurbs --machine mill.toml")
+@click.command(epilog="\b\nExample:\n  feedplan check table.csv butterfly-nurbs --machine mill.toml")
+@options.table
+@options.curve
+@options.machine
+@options.tolerance
+@options.scale
+@click.option("--certificate", type=options.FILE, help="Certificate of its lower bound, .npz.")
+@options.as_json
 def check(
-    table: TableFile,
-    curve: CurveName,
+    table: Path,
+    curve: str,
     *,
-    machine: Machine = None,
-    tolerance_mm: Tolerance = None,
-    scale: Scale = 1.0,
-    certificate: Annotated[Path | None, typer.Option(help="Certificate of its lower bound, .npz.")] = None,
-    as_json: AsJson = False,
+    machine: str | None,
+    tolerance_mm: float | None,
+    scale: float,
+    certificate: Path | None,
+    as_json: bool,
 ) -> None:
     """Check a feedrate table and the samples of it.
 
     Nothing of the planner is used.  Without --machine the limits in the table's own header count.  With the certificate
     that feedplan plan wrote, the lower bound is verified from the curve and the limits too; else it is only claimed.
     """
-    with exits(), Streams() as at:
+    with Streams() as at:
         from feedplan.progress import ProgressLine, load_kernels
         from planner import read_table
 

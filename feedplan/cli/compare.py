@@ -9,24 +9,12 @@ import math
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
+import click
 
-from feedplan.cli.app import (
-    BROKEN,
-    NO_PLAN,
-    CurveName,
-    Machine,
-    PlotWidth,
-    Scale,
-    app,
-    exits,
-    notice,
-    require_apart,
-    require_figure,
-    require_outputs,
-)
+from feedplan.cli import options
+from feedplan.cli.app import BROKEN, NO_PLAN, notice, require_apart, require_figure, require_outputs
 from feedplan.cli.streams import Streams
 from feedplan.job import load_job
 from planner.errors import InputError
@@ -56,35 +44,44 @@ _BROAD, _SLIM = 1.8, 0.7  # points: the optimum shows below a line that coincide
 _FLOOR = 1e-3  # of a limit; less is drawn as this
 
 
-@app.command(
+@click.command(
     epilog=(
         "\b\nExamples:\n"
         "  feedplan compare teardrop --machine mill.toml\n"
         "  feedplan compare butterfly --scale 10 --methods algorithm,scurve,optimal -o result.csv --plot result.png\n"
     ),
 )
+@options.curve
+@options.machine
+@options.scale
+@options.commanded_feed
+@options.period
+@click.option("--methods", metavar="A,B,...", help="Names, or their beginnings: algorithm, 2002, 2007, scurve.")
+@click.option("--output", "-o", type=options.FILE, help="Result, .json or .csv.")
+@click.option("--plot", type=options.FILE, help="Figure, .png, .pdf or .svg.")
+@click.option("--panels", metavar="A,B", help="Of the figure: feed, jerk.")
+@options.plot_width
+@click.option("--json", "as_json", is_flag=True, help="Print the result as JSON and nothing else.")
 def compare(
-    curve: CurveName,
+    curve: str,
     *,
-    machine: Machine = None,
-    scale: Scale = 1.0,
-    feed_mm_s: Annotated[float | None, typer.Option(help="Commanded feed, in place of the machine's.")] = None,
-    period_s: Annotated[float | None, typer.Option(help="Interpolation period, in place of the machine's.")] = None,
-    methods: Annotated[
-        str | None, typer.Option(metavar="A,B,...", help="Names, or their beginnings: algorithm, 2002, 2007, scurve.")
-    ] = None,
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="Result, .json or .csv.")] = None,
-    plot: Annotated[Path | None, typer.Option(help="Figure, .png, .pdf or .svg.")] = None,
-    panels: Annotated[str | None, typer.Option(metavar="A,B", help="Of the figure: feed, jerk.")] = None,
-    width_mm: PlotWidth = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON and nothing else.")] = False,
+    machine: str | None,
+    scale: float,
+    feed_mm_s: float | None,
+    period_s: float | None,
+    methods: str | None,
+    output: Path | None,
+    plot: Path | None,
+    panels: str | None,
+    width_mm: float | None,
+    as_json: bool,
 ) -> None:
     """Compare the literature's interpolators with the optimal plan.
 
     All of them run on the same curve under the same limits, and are judged alike.  Exit code 1: the optimal plan breaks
     a limit, or without it every method does.
     """
-    with exits(), Streams() as at:
+    with Streams() as at:
         curve, output = at.curve(curve), at.output(output, ".csv")
         require_apart([output, plot], [curve, machine])
         if output is not None:
@@ -116,10 +113,10 @@ def compare(
                 title = f"{found.curve.name}: {FIGURE_TITLE}"
                 save_plot(plot, plot_panels(title, drawn, columns=len(shown), width_mm=width))
         if as_json:
-            typer.echo(_json(facts), err=at.taken)
+            click.echo(_json(facts), err=at.taken)
         else:
             files = [at.told(str(name)) for name in (output, plot) if name is not None and name.exists()]
-            typer.echo(_text(found, job.machine, files), err=at.taken)
+            click.echo(_text(found, job.machine, files), err=at.taken)
         _leave(found.results)
 
 
@@ -128,10 +125,10 @@ def _leave(results: Sequence[Result]) -> None:
     from feedplan.comparison.methods import OPTIMUM
 
     if all(result.judgement is None for result in results):
-        raise typer.Exit(NO_PLAN)
+        raise click.exceptions.Exit(NO_PLAN)
     meant = [result for result in results if result.method == OPTIMUM] or results
     if not any(result.ok for result in meant):
-        raise typer.Exit(BROKEN)
+        raise click.exceptions.Exit(BROKEN)
 
 
 def _require_format(path: Path) -> None:

@@ -9,28 +9,24 @@ from __future__ import annotations
 import json
 import textwrap
 from importlib import resources
-from typing import Annotated, Any
+from typing import Any
 
-import typer
-
-from feedplan.cli.app import app, exits
+import click
 
 _WIDTH = 80  # columns of a terminal
 _HEADS = ("name", "axes", "length mm", "u from", "to", "breaks by order")
 _NUMBERS = ("length mm", "u from", "to")
 
 
-@app.command(epilog="\b\nExample:\n  feedplan curves")
-def curves(
-    *, as_json: Annotated[bool, typer.Option("--json", help="Print the list as JSON and nothing else.")] = False
-) -> None:
+@click.command(epilog="\b\nExample:\n  feedplan curves")
+@click.option("--json", "as_json", is_flag=True, help="Print the list as JSON and nothing else.")
+def curves(*, as_json: bool) -> None:
     """List the named curves.
 
     Breaks are counted by what is still continuous there: G0 a corner, G1 the tangent, G2 the curvature, G3 its rate.
     """
-    with exits():
-        found = curve_facts()
-        typer.echo(json.dumps(found, indent=2) if as_json else _text(found))
+    found = curve_facts()
+    click.echo(json.dumps(found, indent=2) if as_json else _text(found))
 
 
 def curve_facts() -> dict[str, dict[str, Any]]:

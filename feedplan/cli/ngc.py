@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
+import click
 
-from feedplan.cli.app import AsJson, CurveName, Machine, Scale, app, exits, notice, require_apart
+from feedplan.cli import options
+from feedplan.cli.app import notice, require_apart
 from feedplan.cli.streams import Streams
 from feedplan.job import Job, load_job, load_job_of_table
 from feedplan.sources import PATH_SHARE
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from planner.output.ngc import FeedMode
 
 
-@app.command(
+@click.command(
     epilog=(
         "\b\nExamples:\n"
         "  feedplan ngc butterfly-nurbs --machine mill.toml --tolerance-mm 0.01 -o butterfly.ngc\n"
@@ -28,20 +29,28 @@ if TYPE_CHECKING:
         "  feedplan ngc part.ngc --table table.csv -o out.ngc\n"
     ),
 )
+@options.curve
+@click.option("--output", "-o", type=options.FILE, required=True, help="The program.")
+@options.machine
+@click.option("--table", type=options.FILE, help="Feedrate table of the plan, in place of planning.")
+@click.option("--tolerance-mm", type=float, help="Distance allowed between the program and the CURVE.")
+@click.option("--inverse-time", is_flag=True, help="G93: F as blocks a minute.")
+@click.option("--block-time-s", type=float, default=0.01, help="Longest time of a block.")
+@options.commanded_feed
+@options.scale
+@options.as_json
 def ngc(
-    curve: CurveName,
+    curve: str,
     *,
-    output: Annotated[Path, typer.Option("--output", "-o", help="The program.")],
-    machine: Machine = None,
-    table: Annotated[Path | None, typer.Option(help="Feedrate table of the plan, in place of planning.")] = None,
-    tolerance_mm: Annotated[
-        float | None, typer.Option("--tolerance-mm", help="Distance allowed between the program and the CURVE.")
-    ] = None,
-    inverse_time: Annotated[bool, typer.Option("--inverse-time", help="G93: F as blocks a minute.")] = False,
-    block_time_s: Annotated[float, typer.Option(help="Longest time of a block.")] = 0.01,
-    feed_mm_s: Annotated[float | None, typer.Option(help="Commanded feed, in place of the machine's.")] = None,
-    scale: Scale = 1.0,
-    as_json: AsJson = False,
+    output: Path,
+    machine: str | None,
+    table: Path | None,
+    tolerance_mm: float | None,
+    inverse_time: bool,
+    block_time_s: float,
+    feed_mm_s: float | None,
+    scale: float,
+    as_json: bool,
 ) -> None:
     """Write a plan as a program for LinuxCNC.
 
@@ -49,7 +58,7 @@ def ngc(
     their blending by the controller the rest.  Spindle, tools, coolant, dwells and stops keep their places.  Exit code 1:
     the plan or its samples break a limit, and nothing is written.
     """
-    with exits(), Streams() as at:
+    with Streams() as at:
         curve, table = at.curve(curve), None if table is None else at.table(table)
         written_to = at.output(output, ".ngc") or output
         require_apart([written_to], [curve, machine, table])
@@ -91,14 +100,14 @@ def ngc(
             "files": [name],
         }
         if as_json:
-            typer.echo(json.dumps(facts, indent=2, allow_nan=False), err=at.taken)
+            click.echo(json.dumps(facts, indent=2, allow_nan=False), err=at.taken)
         else:
             text = (
                 f"{name}: {written.blocks} blocks, {written.duration:.6g} s, within {1e3 * deviation:.3g} um of "
                 f"{job.curve.name}; the controller may blend {1e3 * 0.5 * job.room:.3g} um more"
             )
             shared = [f"{key}: {said}" for key, said in job.facts if key == "tolerance"]
-            typer.echo("\n".join([text, *shared]), err=at.taken)
+            click.echo("\n".join([text, *shared]), err=at.taken)
 
 
 def _job_of_table(table: Path, curve: str, scale: float, tolerance: float | None) -> Job:

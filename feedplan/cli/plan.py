@@ -6,20 +6,13 @@ import math
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
+import click
 
+from feedplan.cli import options
 from feedplan.cli.app import (
-    AsJson,
-    CurveName,
     Drawing,
-    Machine,
-    PlotWidth,
-    Scale,
-    Tolerance,
-    app,
-    exits,
     notice,
     report_verdict,
     require_apart,
@@ -48,7 +41,7 @@ class MethodName(StrEnum):
     scurve = "scurve"
 
 
-@app.command(
+@click.command(
     epilog=(
         "\b\nExamples:\n"
         "  feedplan plan butterfly-nurbs -o table.csv\n"
@@ -56,46 +49,66 @@ class MethodName(StrEnum):
         "  feedplan plan part.ngc --tolerance-mm 0.01 --program out.ngc\n"
     ),
 )
+@options.curve
+@options.machine
+@click.option(
+    "--method",
+    type=click.Choice(MethodName),
+    default=MethodName.optimal,
+    help="Solver; toppra knows no jerk limit.",
+)
+@options.commanded_feed
+@options.scale
+@options.period
+@click.option("--start-feed-mm-s", type=float, default=0.0, help="Feed at the start of the path.")
+@click.option("--end-feed-mm-s", type=float, default=0.0, help="Feed at the end of the path.")
+@click.option("--periodic", is_flag=True, help="Pass the end into the start without a stop.")
+@click.option("--exact-stop", is_flag=True, help="Stop wherever the curvature jumps, not only in corners.")
+@options.tolerance
+@click.option("--intervals", type=int, help="Grid intervals; refinement chooses if left out.")
+@click.option("--budget-s", type=float, default=math.inf, help="Time after which to return the best plan so far.")
+@click.option("--output", "-o", type=options.FILE, help=f"Feedrate table, {ANY_COLUMN_FORMAT}.")
+@click.option("--plot", type=options.FILE, help="Figure, .png, .pdf or .svg.")
+@click.option(
+    "--panels", metavar="A,B,...", help="Of the figure: path, feed, velocity, acceleration, jerk, chord, binding."
+)
+@options.plot_width
+@click.option("--report", type=options.FILE, help="Page for a browser, .html.")
+@click.option("--program", type=options.FILE, help="LinuxCNC program of the plan; see feedplan ngc.")
+@click.option("--lines", type=options.FILE, help=f"Seconds of each line of a part program, {ANY_COLUMN_FORMAT}.")
+@click.option("--certificate", type=options.FILE, help="Proof of the lower bound, .npz; see check.")
+@options.as_json
 def plan(
-    curve: CurveName,
+    curve: str,
     *,
-    machine: Machine = None,
-    method: Annotated[MethodName, typer.Option(help="Solver; toppra knows no jerk limit.")] = MethodName.optimal,
-    feed_mm_s: Annotated[float | None, typer.Option(help="Commanded feed, in place of the machine's.")] = None,
-    scale: Scale = 1.0,
-    period_s: Annotated[float | None, typer.Option(help="Interpolation period, in place of the machine's.")] = None,
-    start_feed_mm_s: Annotated[float, typer.Option(help="Feed at the start of the path.")] = 0.0,
-    end_feed_mm_s: Annotated[float, typer.Option(help="Feed at the end of the path.")] = 0.0,
-    periodic: Annotated[bool, typer.Option("--periodic", help="Pass the end into the start without a stop.")] = False,
-    exact_stop: Annotated[
-        bool, typer.Option("--exact-stop", help="Stop wherever the curvature jumps, not only in corners.")
-    ] = False,
-    tolerance_mm: Tolerance = None,
-    intervals: Annotated[int | None, typer.Option(help="Grid intervals; refinement chooses if left out.")] = None,
-    budget_s: Annotated[float, typer.Option(help="Time after which to return the best plan so far.")] = math.inf,
-    output: Annotated[Path | None, typer.Option("--output", "-o", help=f"Feedrate table, {ANY_COLUMN_FORMAT}.")] = None,
-    plot: Annotated[Path | None, typer.Option(help="Figure, .png, .pdf or .svg.")] = None,
-    panels: Annotated[
-        str | None,
-        typer.Option(
-            metavar="A,B,...", help="Of the figure: path, feed, velocity, acceleration, jerk, chord, binding."
-        ),
-    ] = None,
-    width_mm: PlotWidth = None,
-    report: Annotated[Path | None, typer.Option(help="Page for a browser, .html.")] = None,
-    program: Annotated[Path | None, typer.Option(help="LinuxCNC program of the plan; see feedplan ngc.")] = None,
-    lines: Annotated[
-        Path | None, typer.Option(help=f"Seconds of each line of a part program, {ANY_COLUMN_FORMAT}.")
-    ] = None,
-    certificate: Annotated[Path | None, typer.Option(help="Proof of the lower bound, .npz; see check.")] = None,
-    as_json: AsJson = False,
+    machine: str | None,
+    method: MethodName,
+    feed_mm_s: float | None,
+    scale: float,
+    period_s: float | None,
+    start_feed_mm_s: float,
+    end_feed_mm_s: float,
+    periodic: bool,
+    exact_stop: bool,
+    tolerance_mm: float | None,
+    intervals: int | None,
+    budget_s: float,
+    output: Path | None,
+    plot: Path | None,
+    panels: str | None,
+    width_mm: float | None,
+    report: Path | None,
+    program: Path | None,
+    lines: Path | None,
+    certificate: Path | None,
+    as_json: bool,
 ) -> None:
     """Plan the feed along a curve, and check the plan.
 
     The plan and its samples are checked on their own, without a formula of the planner; one verdict is printed.  Where a
     limit is broken no --program is written, and every other file says so.
     """
-    with exits(), Streams() as at:
+    with Streams() as at:
         from planner.output.panel_choice import PLAN_PANELS
 
         curve = at.curve(curve)
@@ -140,7 +153,7 @@ def plan(
             verdict = replace(verdict, files=tuple(map(at.told, files.names)))
             files.write(job, verdict, at.told(curve), line)
         if program is not None and files.program is None:
-            typer.echo(f"{program}: not written, since the plan breaks a limit", err=True)
+            click.echo(f"{program}: not written, since the plan breaks a limit", err=True)
         report_verdict(verdict, as_json, aside=at.taken)
 
 

@@ -3,22 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
+import click
 
-from feedplan.cli.app import (
-    BROKEN,
-    CurveName,
-    Scale,
-    TableFile,
-    Tolerance,
-    app,
-    exits,
-    require_apart,
-    require_outputs,
-    show,
-)
+from feedplan.cli import options
+from feedplan.cli.app import BROKEN, require_apart, require_outputs, show
 from feedplan.cli.streams import Streams
 from feedplan.job import load_job_of_table
 from planner.files.formats import ANY_COLUMN_FORMAT
@@ -30,23 +20,30 @@ if TYPE_CHECKING:
 _SAMPLES_AT_ONCE = 1_000_000  # bounds the memory that evaluating the plan takes
 
 
-@app.command(epilog="\b\nExample:\n  feedplan replay table.csv butterfly-nurbs --period-s 0.001 -o samples.csv")
+@click.command(epilog="\b\nExample:\n  feedplan replay table.csv butterfly-nurbs --period-s 0.001 -o samples.csv")
+@options.table
+@options.curve
+@click.option("--period-s", type=float, help="Interpolation period, in place of the table's.")
+@click.option("--order", type=int, default=5, help="1, 2, 3 (Taylor steps) or 5 (the plan itself).")
+@options.tolerance
+@options.scale
+@click.option("--output", "-o", type=options.FILE, help=f"Samples, {ANY_COLUMN_FORMAT}.")
 def replay(
-    table: TableFile,
-    curve: CurveName,
+    table: Path,
+    curve: str,
     *,
-    period_s: Annotated[float | None, typer.Option(help="Interpolation period, in place of the table's.")] = None,
-    order: Annotated[int, typer.Option(help="1, 2, 3 (Taylor steps) or 5 (the plan itself).")] = 5,
-    tolerance_mm: Tolerance = None,
-    scale: Scale = 1.0,
-    output: Annotated[Path | None, typer.Option("--output", "-o", help=f"Samples, {ANY_COLUMN_FORMAT}.")] = None,
+    period_s: float | None,
+    order: int,
+    tolerance_mm: float | None,
+    scale: float,
+    output: Path | None,
 ) -> None:
     """Sample a feedrate table once a period.
 
     This is what an interpolator does.  Printed is how far the samples are off the plan and what they use of its limits.
     Exit code 1: they break a limit; a file of them says so.
     """
-    with exits(), Streams() as at:
+    with Streams() as at:
         table, curve, output = at.table(table), at.curve(curve), at.output(output, ".csv")
         require_apart([output], [table, curve])
         require_outputs(output, None)
@@ -72,7 +69,7 @@ def replay(
         written = "" if output is None else at.told(str(output))
         show(samples_text(profile, samples, report, apart, written), aside=at.taken)
         if not report.ok:
-            raise typer.Exit(BROKEN)
+            raise click.exceptions.Exit(BROKEN)
 
 
 def _distance(profile: FeedrateProfile, samples: Samples) -> float:

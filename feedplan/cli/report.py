@@ -4,38 +4,45 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
 
-import typer
+import click
 
-from feedplan.cli.app import AsJson, CurveName, Machine, Scale, TableFile, Tolerance, app, exits, report_verdict
+from feedplan.cli import options
+from feedplan.cli.app import report_verdict
 from feedplan.cli.streams import Streams
 from feedplan.job import load_job_of_table
 
 
-@app.command(
+@click.command(
     epilog=(
         "\b\nExamples:\n"
         "  feedplan report table.csv butterfly-nurbs -o report.html\n"
         "  feedplan plan butterfly-nurbs --report report.html\n"
     ),
 )
+@options.table
+@options.curve
+@click.option("--output", "-o", type=options.FILE, required=True, help="The page, .html.")
+@options.machine
+@options.scale
+@options.tolerance
+@options.as_json
 def report(
-    table: TableFile,
-    curve: CurveName,
+    table: Path,
+    curve: str,
     *,
-    output: Annotated[Path, typer.Option("--output", "-o", help="The page, .html.")],
-    machine: Machine = None,
-    scale: Scale = 1.0,
-    tolerance_mm: Tolerance = None,
-    as_json: AsJson = False,
+    output: Path,
+    machine: str | None,
+    scale: float,
+    tolerance_mm: float | None,
+    as_json: bool,
 ) -> None:
     """Write a feedrate table as a page for a browser.
 
     One file that needs no network: the path by feed, the use of every limit over time, the verdict, and for part programs
     the time of each line.  Without --machine the limits in the table's own header count.
     """
-    with exits(), Streams() as at:
+    with Streams() as at:
         from feedplan.page import require_report, write_report
 
         table, curve = at.table(table), at.curve(curve)

@@ -19,7 +19,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import TracebackType
 
-import typer
+import click
 
 from planner.errors import FeedrateError, InputError
 
@@ -45,7 +45,7 @@ class Streams:
             if isinstance(error, FeedrateError) and self._names:
                 raise type(error)(self.told(str(error))) from None
             whole = self._output is not None and self._output.exists()
-            if whole and (error is None or isinstance(error, typer.Exit)):
+            if whole and (error is None or isinstance(error, click.exceptions.Exit)):
                 with open(str(self._output), "rb") as file:
                     shutil.copyfileobj(file, sys.stdout.buffer)
                 sys.stdout.buffer.flush()

@@ -5,30 +5,18 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
+import click
 
-from feedplan.cli.app import (
-    BROKEN,
-    AsJson,
-    Machine,
-    Tolerance,
-    app,
-    exits,
-    notice,
-    require_apart,
-    require_outputs,
-    show,
-)
+from feedplan.cli import options
+from feedplan.cli.app import BROKEN, notice, require_apart, require_outputs, show
 from feedplan.cli.streams import Streams
 from feedplan.job import Job, load_job
 from feedplan.sources import require_program
 from planner.files.formats import ANY_COLUMN_FORMAT
 
 if TYPE_CHECKING:
-    from rich.console import RenderableType
-
     from planner.profile import FeedrateProfile
     from planner.programs.times import LineTimes
     from planner.verify import Report
@@ -36,29 +24,36 @@ if TYPE_CHECKING:
 _ROWS = 12
 
 
-@app.command(
+@click.command(
     epilog=(
         "\b\nExamples:\n"
         "  feedplan time part.ngc --machine mill.toml\n"
         "  feedplan time part.ngc --machine machine.ini --tolerance-mm 0.01 -o lines.csv\n"
     ),
 )
+@options.program
+@options.machine
+@options.tolerance
+@click.option("--feed-mm-s", type=float, help="Largest feed, in place of the machine's.")
+@click.option("--rows", type=click.IntRange(min=0), default=_ROWS, help="How many of the longest lines to print.")
+@click.option("--output", "-o", type=options.FILE, help=f"Every line, {ANY_COLUMN_FORMAT}.")
+@options.as_json
 def time(
-    program: Annotated[str, typer.Argument(metavar="PROGRAM", help="Part program, .ngc.")],
+    program: str,
     *,
-    machine: Machine = None,
-    tolerance_mm: Tolerance = None,
-    feed_mm_s: Annotated[float | None, typer.Option(help="Largest feed, in place of the machine's.")] = None,
-    rows: Annotated[int, typer.Option(min=0, help="How many of the longest lines to print.")] = _ROWS,
-    output: Annotated[Path | None, typer.Option("--output", "-o", help=f"Every line, {ANY_COLUMN_FORMAT}.")] = None,
-    as_json: AsJson = False,
+    machine: str | None,
+    tolerance_mm: float | None,
+    feed_mm_s: float | None,
+    rows: int,
+    output: Path | None,
+    as_json: bool,
 ) -> None:
     """Tell the time of each line of a part program, and of all.
 
     Beside it, the least time of the same path without a jerk limit.  Dwells and tool changes count apart.  Exit code 1:
     the plan breaks a limit.
     """
-    with exits(), Streams() as at:
+    with Streams() as at:
         program, output = at.program(program), at.output(output, ".csv")
         require_program(program, "feedplan time")
         require_apart([output], [program, machine])
@@ -81,12 +76,12 @@ def time(
                 line(f"writing {output}")
                 write_line_times(output, times, at.told(program), report.summary(), without_jerk=without)
         if as_json:
-            typer.echo(_times_json(job, at.told(program), times, without, report), err=at.taken)
+            click.echo(_times_json(job, at.told(program), times, without, report), err=at.taken)
         else:
             file = "" if output is None else at.told(str(output))
             show(_times_text(job, profile, times, without, report, rows, file), aside=at.taken)
         if not report.ok:
-            raise typer.Exit(BROKEN)
+            raise click.exceptions.Exit(BROKEN)
 
 
 def _times_text(
@@ -97,42 +92,77 @@ def _times_text(
     report: Report,
     rows: int,
     file: str,
-) -> RenderableType:
+) -> list[str]:
     """The longest lines, the totals, and what the jerk limit costs."""
-    from rich.console import Group
-    from rich.text import Text
-
-    from feedplan.verdict_text import held_back, machine_line, named, program_lines
-    from planner.programs.times import line_table
+    from feedplan.layout import BOLD, RED, named, styled
+    from feedplan.verdict_text import fact_lines, held_back, machine_line, program_lines
 
     if job.path is None:
         raise AssertionError("only a part program has lines")
-    parts: list[RenderableType] = [
-        *(named(name, text) for name, text in job.facts),
+    parts = [
+        *fact_lines(job.facts),
         *program_lines(job.path),
-        machine_line(job.machine, job.limits, job.curve),
+        *machine_line(job.machine, job.limits, job.curve),
         "",
-        line_table(times, without_jerk=without, rows=rows),
+        *_line_table(times, without, rows),
         "",
-        named("motion", f"{times.moving:.6g} s", "bold"),
+        *named("motion", f"{times.moving:.6g} s", BOLD),
     ]
     if times.dwelling:
-        parts.append(named("dwells", f"{times.dwelling:.6g} s more"))
+        parts += named("dwells", f"{times.dwelling:.6g} s more")
     if times.changes:
-        parts.append(named("tool changes", f"{times.changes}; the program does not say how long they take"))
+        parts += named("tool changes", f"{times.changes}; the program does not say how long they take")
     parts += [
-        named("jerk limit", _cost(times, without, job.limits.has_jerk)),
-        held_back(profile),
-        *(named("note", note) for note in job.path.notes),
+        *named("jerk limit", _cost(times, without, job.limits.has_jerk)),
+        *held_back(profile),
+        *fact_lines(("note", note) for note in job.path.notes),
     ]
     if file:
-        parts.append(named("written", file))
+        parts += named("written", file)
     if not report.ok:
         worst = max(report.violations, key=lambda row: row.ratio)
-        parts.append(
-            Text(f"LIMIT BROKEN  {worst.limit} {worst.axis}: {worst.ratio:.6g} times what is allowed", "bold red")
-        )
-    return Group(*parts)
+        text = f"LIMIT BROKEN  {worst.limit} {worst.axis}: {worst.ratio:.6g} times what is allowed"
+        parts.append(styled(text, RED))
+    return parts
+
+
+def _line_table(times: LineTimes, without: LineTimes, shown: int) -> list[str]:
+    """Lay the longest lines out, with what the others take together and the total."""
+    import numpy as np
+
+    from feedplan.layout import table
+    from planner.programs.times import KINDS
+
+    order = np.argsort(-(times.seconds + times.dwell), kind="stable")
+    groups = [order[k : k + 1] for k in range(min(shown, order.size))]
+    if order.size > shown:
+        groups.append(order[shown:])
+    groups.append(order)
+    columns: dict[str, list[str]] = {
+        "line": [
+            *(str(times.line[group[0]]) for group in groups[: min(shown, order.size)]),
+            *([f"{order.size - shown} others"] if order.size > shown else []),
+            "all",
+        ],
+        "kind": [KINDS[times.kind[group[0]]] if group.size == 1 else "" for group in groups],
+        "mm": [f"{times.length[group].sum():.3f}" for group in groups],
+        "seconds": [f"{math.fsum(times.seconds[group]):.4f}" for group in groups],
+        "no jerk\nlimit": [f"{math.fsum(without.seconds[group]):.4f}" for group in groups],
+    }
+    single = [int(group[0]) if group.size == 1 and times.seconds[group[0]] > 0.0 else -1 for group in groups]
+    columns["held back by"] = ["" if k < 0 else _limit_name(times, k) for k in single]
+    columns["share"] = ["" if k < 0 or not times.binding[k] else f"{100.0 * times.share[k]:.0f}%" for k in single]
+    if times.dwell.any():
+        dwells = [float(times.dwell[group].sum()) for group in groups]
+        columns["dwell\ns"] = [f"{dwell:.4g}" if dwell else "" for dwell in dwells]
+    if times.changes:
+        changes = [int(times.tool_changes[group].sum()) for group in groups]
+        columns["tool\nchanges"] = [str(count) if count else "" for count in changes]
+    return table(list(columns), list(zip(*columns.values(), strict=True)), left=("kind", "held back by"))
+
+
+def _limit_name(times: LineTimes, row: int) -> str:
+    return times.limit_names[times.binding[row]] if times.binding[row] else "no limit"
 
 
 def _cost(times: LineTimes, without: LineTimes, limited: bool) -> str:

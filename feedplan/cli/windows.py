@@ -7,18 +7,17 @@ import math
 import time
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
+import click
 
-from feedplan.cli.app import BROKEN, AsJson, Machine, Tolerance, app, exits, show
+from feedplan.cli import options
+from feedplan.cli.app import BROKEN, show
 from feedplan.job import load_machine
 from feedplan.progress import PLAN_KERNELS
 from feedplan.sources import require_program
 
 if TYPE_CHECKING:
-    from rich.console import RenderableType
-
     from planner.programs.long.windows import ProgramPlan
 
 _UNITS = {
@@ -32,46 +31,52 @@ _UNITS = {
 _KERNELS = (*PLAN_KERNELS, "planner.programs.path.path_kernels")
 
 
-@app.command(
+@click.command(
     epilog=(
         "\b\nExamples:\n"
         "  feedplan windows long.ngc --machine mill.toml -o plan.npz\n"
         "  feedplan windows long.ngc --tolerance-mm 0.01 -o plan.npz --json\n"
     ),
 )
+@options.program
+@click.option("--output", "-o", type=options.FILE, required=True, help="Table of all windows, .npz.")
+@options.machine
+@options.tolerance
+@click.option("--feed-mm-s", type=float, help="Largest feed, in place of the machine's.")
+@click.option("--fresh", is_flag=True, help="Begin anew where an earlier run was interrupted.")
+@options.as_json
 def windows(
-    program: Annotated[str, typer.Argument(metavar="PROGRAM", help="Part program, .ngc.")],
+    program: str,
     *,
-    output: Annotated[Path, typer.Option("--output", "-o", help="Table of all windows, .npz.")],
-    machine: Machine = None,
-    tolerance_mm: Tolerance = None,
-    feed_mm_s: Annotated[float | None, typer.Option(help="Largest feed, in place of the machine's.")] = None,
-    fresh: Annotated[bool, typer.Option("--fresh", help="Begin anew where an earlier run was interrupted.")] = False,
-    as_json: AsJson = False,
+    output: Path,
+    machine: str | None,
+    tolerance_mm: float | None,
+    feed_mm_s: float | None,
+    fresh: bool,
+    as_json: bool,
 ) -> None:
     """Plan a part program of any length, window by window.
 
     Writes the table and, beside it, the seconds of every line.  Interrupted and started again, it goes on where it was.
     Exit code 1: the plan breaks a limit.
     """
-    with exits():
-        require_program(program, "feedplan windows")
-        from feedplan.progress import ProgressLine, load_kernels
-        from planner.programs.long.windows import plan_program
+    require_program(program, "feedplan windows")
+    from feedplan.progress import ProgressLine, load_kernels
+    from planner.programs.long.windows import plan_program
 
-        limits, name = load_machine(machine)
-        limits = limits if feed_mm_s is None else limits.with_feed(feed_mm_s)
-        load_kernels(_KERNELS)
-        began = time.perf_counter()
-        with ProgressLine() as line:
-            plan = plan_program(program, limits, tolerance_mm, output=output, progress=line, resume=not fresh)
-        seconds = time.perf_counter() - began
-        if as_json:
-            typer.echo(_json(plan, name, seconds))
-        else:
-            show(_text(plan, program, name, seconds))
-        if not plan.ok:
-            raise typer.Exit(BROKEN)
+    limits, name = load_machine(machine)
+    limits = limits if feed_mm_s is None else limits.with_feed(feed_mm_s)
+    load_kernels(_KERNELS)
+    began = time.perf_counter()
+    with ProgressLine() as line:
+        plan = plan_program(program, limits, tolerance_mm, output=output, progress=line, resume=not fresh)
+    seconds = time.perf_counter() - began
+    if as_json:
+        click.echo(_json(plan, name, seconds))
+    else:
+        show(_text(plan, program, name, seconds))
+    if not plan.ok:
+        raise click.exceptions.Exit(BROKEN)
 
 
 def _json(plan: ProgramPlan, machine: str, seconds: float) -> str:
@@ -85,11 +90,9 @@ def _json(plan: ProgramPlan, machine: str, seconds: float) -> str:
     return json.dumps(finite, indent=2, allow_nan=False)
 
 
-def _text(plan: ProgramPlan, program: str, machine: str, seconds: float) -> RenderableType:
-    from rich.text import Text
-
+def _text(plan: ProgramPlan, program: str, machine: str, seconds: float) -> list[str]:
     resumed = f", {plan.resumed} of them by an earlier run" if plan.resumed else ""
-    lines = [
+    return [
         "every limit holds" if plan.ok else f"{len(plan.violations)} limits do not hold",
         f"{program}: {plan.blocks} blocks, {plan.length:.6g} mm, {plan.duration:.6f} s on {machine}"
         + (f", dwells {plan.dwell:.6g} s beside it" if plan.dwell else ""),
@@ -102,4 +105,3 @@ def _text(plan: ProgramPlan, program: str, machine: str, seconds: float) -> Rend
         *plan.notes,
         f"wrote {plan.table} and {plan.lines}",
     ]
-    return Text("\n".join(lines))

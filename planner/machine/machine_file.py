@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
+import sys
 import tomllib
 from collections.abc import Mapping
-from functools import cache
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from planner.errors import InputError
 from planner.geometry.curve import AXES, ROTARY_AXES
@@ -17,10 +17,8 @@ from planner.machine.limits import DEFAULT_PERIOD, PERIOD, RAPID, SCALARS, Limit
 from planner.machine.linuxcnc_ini import machine_table
 from planner.quantity import AXIS, FEED, QUANTITIES
 
-if TYPE_CHECKING:
-    from pydantic import BaseModel
-
 EXAMPLE_MACHINES = ("mill", "five-axis")
+_NAME = "name"  # key of an axis
 
 
 def load_limits(path: str | Path) -> Limits:
@@ -72,9 +70,8 @@ def _limits_from_toml(text: str, where: str) -> Limits:
 
 
 def _limits_from_table(table: dict[str, Any], where: str) -> Limits:
-    machine, linear, rotary = _file_models()
     axes = table.pop("axis", [])
-    head = _validated(machine, table, where, "")
+    head = _checked(table, HEAD_KEYS, where, "")
     if not isinstance(axes, list) or not axes or not all(isinstance(axis, dict) for axis in axes):
         raise InputError(
             f'{where}: one "[[axis]]" table for each axis is needed, with name, velocity, acceleration and jerk'
@@ -83,10 +80,10 @@ def _limits_from_table(table: dict[str, Any], where: str) -> Limits:
     for i, axis in enumerate(axes):
         name = axis.get("name")
         known = isinstance(name, str) and name in AXES
-        turns = known and name in ROTARY_AXES
-        found = _validated(rotary if turns else linear, axis, where, f"axis[{i}] ({name})" if known else f"axis[{i}]")
-        rows.append({"name": name} | {q.key: found[q.file_key("rad" if turns else "mm")] for q in AXIS})
-    names = [row["name"] for row in rows]
+        length = "rad" if known and name in ROTARY_AXES else "mm"
+        found = _checked(axis, axis_keys(length), where, f"axis[{i}] ({name})" if known else f"axis[{i}]")
+        rows.append({_NAME: name} | {q.key: found[q.file_key(length)] for q in AXIS})
+    names = [row[_NAME] for row in rows]
     twice = [name for name in names if names.count(name) > 1]
     if twice:
         raise InputError(f'{where}: axis "{twice[0]}" is given twice')
@@ -98,55 +95,50 @@ def _limits_from_table(table: dict[str, Any], where: str) -> Limits:
         raise InputError(f"{where}: {error}") from None
 
 
-def _validated(model: type[BaseModel], table: Mapping[str, Any], where: str, place: str) -> dict[str, Any]:
-    """Values of a table of a machine file, in the order of the model's keys."""
-    from pydantic import ValidationError
-
-    try:
-        return model.model_validate(table).model_dump()
-    except ValidationError as error:
-        findings, keys = error.errors(), list(model.model_fields)
+def _checked(table: Mapping[str, Any], keys: Mapping[str, float], where: str, place: str) -> dict[str, Any]:
+    """Values of a table of a machine file; ``keys`` are those it may have, each with its default, nan for required."""
+    label = f"{place}.{{}}".format if place else "{}".format
     # A misspelt key is both unknown and missing; the unknown one is what the person wrote.
-    first = next((finding for finding in findings if finding["type"] == "extra_forbidden"), findings[0])
-    key = ".".join(str(part) for part in first["loc"])
-    label = f"{place}.{key}" if place else key
-    match first["type"]:
-        case "missing":
-            raise InputError(f'{where}: "{label}" is missing; the keys are {", ".join(keys)}')
-        case "extra_forbidden":
-            raise InputError(f'{where}: unknown key "{label}"; the keys are {", ".join(keys)}')
-        case "literal_error":
-            raise InputError(f"{where}: {label} = {shorten(repr(first['input']))} must be one of {', '.join(AXES)}")
-    allowed = "a finite number > 0" if key == "period_s" else "a number > 0; use inf for no limit"
-    raise InputError(f"{where}: {label} = {shorten(repr(first['input']))} must be {allowed}")
+    for key in table:
+        if key not in keys:
+            raise InputError(f'{where}: unknown key "{label(key)}"; the keys are {", ".join(keys)}')
+    found: dict[str, Any] = {}
+    for key, default in keys.items():
+        value = table.get(key, default)
+        if key not in table and math.isnan(default):
+            raise InputError(f'{where}: "{label(key)}" is missing; the keys are {", ".join(keys)}')
+        if key == _NAME:
+            if not isinstance(value, str) or value not in AXES:
+                raise InputError(f"{where}: {label(key)} = {shorten(repr(value))} must be one of {', '.join(AXES)}")
+        elif not _is_positive(value, finite=key == file_key(PERIOD)):
+            allowed = "a finite number > 0" if key == file_key(PERIOD) else "a number > 0; use inf for no limit"
+            raise InputError(f"{where}: {label(key)} = {shorten(repr(value))} must be {allowed}")
+        found[key] = value if key == _NAME else float(value)
+    return found
 
 
-@cache
-def _file_models() -> tuple[type[BaseModel], type[BaseModel], type[BaseModel]]:
-    """Pydantic models of the head of a machine file, of a linear axis and of a rotary one."""
-    from typing import Annotated, Literal
+def _is_positive(value: object, *, finite: bool) -> bool:
+    """Whether a value of a file is a number above zero: no text, no truth value, nothing that a double cannot hold."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not value > 0:
+        return False
+    if isinstance(value, int):
+        return value <= sys.float_info.max
+    return not (finite and math.isinf(value))
 
-    from pydantic import ConfigDict, Field, create_model
 
-    positive = Annotated[float, Field(gt=0.0)]
-    finite = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
-    strict = ConfigDict(extra="forbid", strict=True)
-    required = {q.key for q in QUANTITIES if q.required}
-
-    def of_axis(length: str, names: object) -> Any:
-        keys: dict[str, Any] = {"name": (names, ...)} | {q.file_key(length): (positive, ...) for q in AXIS}
-        return create_model("Axis", __config__=strict, **keys)
-
-    head: dict[str, Any] = {
-        file_key(name): (positive, ... if name in required else math.inf) for name in (FEED.key, RAPID, *SCALARS)
-    }
-    head[file_key(PERIOD)] = (finite, DEFAULT_PERIOD)
-    machine: Any = create_model("Machine", __config__=strict, **head)
-    linear = of_axis("mm", Literal["X", "Y", "Z", "U", "V", "W"])
-    return machine, linear, of_axis("rad", Literal["A", "B", "C"])
+def axis_keys(length: str) -> dict[str, float]:
+    """Keys of an axis in mm or rad, all of them required."""
+    return dict.fromkeys((_NAME, *(q.file_key(length) for q in AXIS)), math.nan)
 
 
 def file_key(name: str) -> str:
     """Key in a machine file of what is one number, which names its unit: ``feed_mm_s``, ``period_s``."""
     keys = {q.key: q.file_key() for q in QUANTITIES} | {PERIOD: f"{PERIOD}_s", RAPID: f"{RAPID}_{FEED.suffix()}"}
     return keys[name]
+
+
+HEAD_KEYS = {
+    file_key(name): math.nan if name in {q.key for q in QUANTITIES if q.required} else math.inf
+    for name in (FEED.key, RAPID, *SCALARS)
+} | {file_key(PERIOD): DEFAULT_PERIOD}
+"""Keys of the head of a machine file, each with its default; nan for what is required."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,9 +22,6 @@ from planner.profile import FeedrateProfile
 from planner.programs.path.smooth_path import ProgramPath
 from planner.programs.reading.program import ARC, LINE, RAPID, Program
 from planner.types import FloatArray
-
-if TYPE_CHECKING:
-    from rich.table import Table
 
 KINDS = ("none", "rapid", "line", "arc")
 _KIND_OF_MOVE = {RAPID: 1, LINE: 2, ARC: 3}
@@ -307,42 +304,3 @@ def write_line_times(
         header["without_jerk_limit_s"] = repr(without_jerk.moving)
     header["rows"] = str(times.line.size)
     write_columns(path, header, columns, {"kind": KINDS, "held_back_by": times.limit_names})
-
-
-def line_table(times: LineTimes, *, without_jerk: LineTimes | None = None, rows: int = 12) -> Table:
-    """Lay the longest lines out for a terminal, with what the others take together and the total."""
-    from rich.table import Table
-
-    columns: dict[str, list[str]] = {"line": [], "kind": [], "mm": [], "seconds": []}
-    order = np.argsort(-(times.seconds + times.dwell), kind="stable")
-    groups = [order[k : k + 1] for k in range(min(rows, order.size))]
-    if order.size > rows:
-        groups.append(order[rows:])
-    groups.append(order)
-    columns["line"] = [str(times.line[group[0]]) for group in groups[: min(rows, order.size)]]
-    columns["line"] += [f"{order.size - rows} others"] * (order.size > rows) + ["all"]
-    columns["kind"] = [KINDS[times.kind[group[0]]] if group.size == 1 else "" for group in groups]
-    columns["mm"] = [f"{times.length[group].sum():.3f}" for group in groups]
-    columns["seconds"] = [f"{math.fsum(times.seconds[group]):.4f}" for group in groups]
-    if without_jerk is not None:
-        columns["no jerk\nlimit"] = [f"{math.fsum(without_jerk.seconds[group]):.4f}" for group in groups]
-    single = [int(group[0]) if group.size == 1 and times.seconds[group[0]] > 0.0 else -1 for group in groups]
-    columns["held back by"] = ["" if k < 0 else _limit_name(times, k) for k in single]
-    columns["share"] = ["" if k < 0 or not times.binding[k] else f"{100.0 * times.share[k]:.0f}%" for k in single]
-    if times.dwell.any():
-        columns["dwell\ns"] = [
-            f"{times.dwell[group].sum():.4g}" if times.dwell[group].any() else "" for group in groups
-        ]
-    if times.changes:
-        changes = [int(times.tool_changes[group].sum()) for group in groups]
-        columns["tool\nchanges"] = [str(count) if count else "" for count in changes]
-    table = Table(box=None, padding=(0, 2, 0, 0), header_style="underline")
-    for head in columns:
-        table.add_column(head, justify="left" if head in {"kind", "held back by"} else "right", vertical="bottom")
-    for row in zip(*columns.values(), strict=True):
-        table.add_row(*row)
-    return table
-
-
-def _limit_name(times: LineTimes, row: int) -> str:
-    return times.limit_names[times.binding[row]] if times.binding[row] else "no limit"

@@ -10,9 +10,9 @@ import shlex
 import subprocess
 from pathlib import Path
 
+import click
 import matplotlib as mpl
 import pytest
-import typer
 from cases import PROJECT
 from doc_pages import DOCS, PAGES, anchors, blocks, differs, key_tables, links
 
@@ -214,7 +214,7 @@ def understood(text):
         return True
     if words[0] == "python":
         return importlib.util.find_spec(words[2]) is not None if words[1] == "-m" else (PROJECT / words[1]).is_file()
-    command = typer.main.get_command(app).commands.get(words[1]) if words[0] == "feedplan" else None
+    command = app.get_command(click.Context(app), words[1]) if words[0] == "feedplan" else None
     if command is not None:
         command.make_context(words[1], words[2:])  # raises for what it does not take
     return command is not None

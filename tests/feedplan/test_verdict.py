@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import math
 import re
@@ -11,11 +10,11 @@ from itertools import takewhile
 from types import SimpleNamespace
 from typing import Any
 
+import click
 import numpy as np
 import pytest
 from cases import drives
 from check_plans import with_columns
-from rich.console import Console
 
 from feedplan.verdict import Verdict, to_json
 from feedplan.verdict_text import quantity, to_text
@@ -36,9 +35,9 @@ def sound() -> Verdict:
 
 
 def text_of(verdict: Verdict, width: int = 200) -> str:
-    out = io.StringIO()
-    Console(width=width, file=out).print(to_text(verdict))
-    return out.getvalue()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("COLUMNS", str(width))
+        return click.unstyle("\n".join(to_text(verdict)))
 
 
 def with_plan(verdict: Verdict, **changes: Any) -> Verdict:

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cases import PROGRAMS, drives
+from click.testing import CliRunner
 from program_blocks import line, polyline, program, rapid
-from typer.testing import CliRunner
 
 from feedplan.cli import app
 from planner import InfeasibleError, InputError, Limits, check, plan_feedrate, read_program

@@ -1,0 +1,60 @@
+"""Arguments and options that several commands have, each a decorator, and how the shell completes them."""
+
+from __future__ import annotations
+
+import json
+from importlib import resources
+from pathlib import Path
+
+import click
+from click.shell_completion import CompletionItem
+
+from planner.files.formats import ANY_COLUMN_FORMAT
+
+FILE = click.Path(path_type=Path)
+"""Type of a file; what is wrong with it is said where it is opened."""
+
+
+def curve_names(incomplete: str) -> list[str]:
+    """Names of curves that begin so."""
+    text = resources.files("planner").joinpath("data", "curve_facts.json").read_text(encoding="utf-8")
+    return [name for name in json.loads(text) if name.startswith(incomplete)]
+
+
+def machine_names(incomplete: str) -> list[str]:
+    """Names of example machines that begin so."""
+    found = (Path(entry.name).stem for entry in resources.files("planner").joinpath("data", "machines").iterdir())
+    return sorted(name for name in found if name.startswith(incomplete))
+
+
+def _or_files(names: list[str], incomplete: str) -> list[CompletionItem]:
+    """Where no name begins so, the shell completes the name of a file."""
+    return [CompletionItem(name) for name in names] or [CompletionItem(incomplete, type="file")]
+
+
+curve = click.argument(
+    "curve",
+    metavar="CURVE",
+    help='Name of a curve, or a file: .json, .toml, .dxf, .csv, .ngc; "-" is standard input.',
+    shell_complete=lambda _context, _parameter, incomplete: _or_files(curve_names(incomplete), incomplete),
+)
+table = click.argument(
+    "table", metavar="TABLE", type=FILE, help=f'Feedrate table, {ANY_COLUMN_FORMAT}; "-" is standard input.'
+)
+program = click.argument("program", metavar="PROGRAM", type=click.Path(), help="Part program, .ngc.")
+machine = click.option(
+    "--machine",
+    metavar="FILE",
+    help="Machine file, .toml or .ini, or an example machine.",
+    shell_complete=lambda _context, _parameter, incomplete: _or_files(machine_names(incomplete), incomplete),
+)
+scale = click.option("--scale", type=float, default=1.0, help="Multiplies the linear axes of the curve.")
+tolerance = click.option(
+    "--tolerance-mm",
+    type=float,
+    help="Distance allowed from a part program, in place of its P words, or from points.",
+)
+commanded_feed = click.option("--feed-mm-s", type=float, help="Commanded feed, in place of the machine's.")
+period = click.option("--period-s", type=float, help="Interpolation period, in place of the machine's.")
+plot_width = click.option("--width-mm", type=float, help="Width of the figure; 85 is a paper's column, 180 its page.")
+as_json = click.option("--json", "as_json", is_flag=True, help="Print the verdict as JSON and nothing else.")
