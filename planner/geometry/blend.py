@@ -39,7 +39,7 @@ BLEND_REACH = 8.0  # of the size A, along each leg
 _NODES = 64
 _SAME_COSINE = 13  # decimals; closer angles share a table
 _TERMS = 12  # of a panel of the inverse
-_MOST_PANELS = 4096
+_MAX_PANELS = 4096
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,12 +192,12 @@ class Blends:
             shape, (shapes + 1,).
         """
         edges, series, first = [np.empty(0)], [np.empty((0, _TERMS))], [0]
-        room = np.empty(_MOST_PANELS + 1), np.empty((_MOST_PANELS, _TERMS))
+        room = np.empty(_MAX_PANELS + 1), np.empty((_MAX_PANELS, _TERMS))
         for lengths, speeds, b in zip(self._lengths, self._speeds, self._half_angle, strict=True):
             of_shape = lengths.size, lengths, speeds.size, speeds, b
-            panels = core.blend_tabulate(*of_shape, _MOST_PANELS, *room)
+            panels = core.blend_tabulate(*of_shape, _MAX_PANELS, *room)
             if panels < 0:
-                raise CurveError(f"the arc length of a blend has no inverse within {_MOST_PANELS} panels")
+                raise CurveError(f"the arc length of a blend has no inverse within {_MAX_PANELS} panels")
             edges.append(room[0][: panels + 1].copy())
             series.append(room[1][:panels].copy())
             first.append(first[-1] + panels)
