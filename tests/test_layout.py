@@ -53,7 +53,6 @@ ELSEWHERE = {
         f"planner.programs.path.{name}" for name in ("measure", "moves", "stretch")
     ),
     "programs/path/test_tube.py": (
-        "planner.programs.path.path_kernels",
         "planner.programs.path.tube_knots",
         "planner.programs.reading.noise",
     ),

@@ -14,7 +14,6 @@ import click
 from feedplan.cli import options
 from feedplan.cli.app import BROKEN, show
 from feedplan.job import load_machine
-from feedplan.progress import PLAN_KERNELS
 from feedplan.sources import require_program
 
 if TYPE_CHECKING:
@@ -28,7 +27,6 @@ _UNITS = {
     "joint_feed": "mm_s",
     "joint_acceleration": "mm_s2",
 }
-_KERNELS = (*PLAN_KERNELS, "planner.programs.path.path_kernels")
 
 
 @click.command(
@@ -66,7 +64,7 @@ def windows(
 
     limits, name = load_machine(machine)
     limits = limits if feed_mm_s is None else limits.with_feed(feed_mm_s)
-    load_kernels(_KERNELS)
+    load_kernels()
     began = time.perf_counter()
     with ProgressLine() as line:
         plan = plan_program(program, limits, tolerance_mm, output=output, progress=line, resume=not fresh)

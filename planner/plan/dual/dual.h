@@ -53,7 +53,7 @@ void method_right_side(int64_t cells, int64_t jerks, int64_t accelerations, cons
                        const double *atom_state, const double *step, const double *atom_step, const double *control,
                        int64_t unknowns, double *reduced, double *out, double *scratch);
 
-/* Replace the steps by those that belong to the new theta (unknowns); writes what the driver needs to know into out (7):
+/* Replace the steps by those that belong to the new theta (unknowns).  Writes what the driver needs to know, out (7):
  * largest relative fall of a slack, of a multiplier, of x; sums over omega of s dl, ds l, ds dl, and of dy. */
 void method_steps(int64_t cells, int64_t jerks, int64_t accelerations, const int64_t *place, const double *weight,
                   const double *cap, const double *quadratic, const double *linear, const double *rows,

@@ -26,6 +26,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.compiled import core
 from planner.geometry.blend import BLEND_REACH
 from planner.programs.path.corner_sizes import rooms
 from planner.programs.path.corners import CORNER_TURN, SHARE_OF_BLOCK, tangent_jumps
@@ -152,8 +153,6 @@ class _Absorbing:
 
 def _pass(work: _Absorbing, share: float, *, beside: bool) -> NDArray[np.bool_]:
     """Which vertices stay, (k + 1,)."""
-    from planner.programs.path import path_kernels as kernels
-
     moves, blocks, own = work.moves, work.blocks, work.own
     length = np.diff(blocks.programmed.edges)
     bow = _bow(moves, length)
@@ -170,7 +169,7 @@ def _pass(work: _Absorbing, share: float, *, beside: bool) -> NDArray[np.bool_]:
     rows = np.column_stack([length, np.where(small, bow, np.inf), blocks.feed, own, work.cost, alike])
     points = np.concatenate([moves.start[:1], moves.end])
     kept = np.empty(loose.size, dtype=np.uint8)
-    kernels.absorb_runs(points, rows, loose.astype(np.uint8), share, kept)
+    core.absorb_runs(len(rows), points.shape[1], points, rows, loose.astype(np.uint8), share, kept)
     return kept.astype(np.bool_)
 
 

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from planner.compiled import core
 from planner.geometry.blend import Legs
 from planner.geometry.curve import Curve
 from planner.geometry.differential import dot
@@ -45,11 +46,10 @@ class Programmed:
 
     def distance(self, points: FloatArray, s: FloatArray, window: FloatArray) -> FloatArray:
         """Distance of points (n, dim) to the blocks within the windows around s, (n,)."""
-        from planner.programs.path import path_kernels as kernels
-
         out = np.empty(s.size)
         points, s, window = (np.ascontiguousarray(a) for a in (points, s, window))
-        kernels.distance_to_blocks(self.edges, self.legs.vectors, self.legs.rates, points, s, window, out)
+        blocks = self.edges.size - 1, points.shape[1], self.edges, self.legs.vectors, self.legs.rates
+        core.deviation_to_blocks(*blocks, s.size, points, s, window, out)
         return out
 
 

@@ -33,6 +33,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.compiled import core
 from planner.geometry.differential import dot
 from planner.types import FloatArray
 
@@ -198,18 +199,14 @@ class _TubeRows:
 
     def products(self, x: FloatArray) -> FloatArray:
         """a_k . x."""
-        from planner.programs.path import path_kernels as kernels
-
         out = np.empty(self.first.size)
-        kernels.apply_rows(self.first, self.rows, np.ascontiguousarray(x).reshape(-1), self.dim, out)
+        core.tube_apply_rows(*self.rows.shape, self.dim, self.first, self.rows, np.ascontiguousarray(x), out)
         return out
 
     def transposed(self, y: FloatArray, size: int) -> FloatArray:
         """sum_k y_k a_k."""
-        from planner.programs.path import path_kernels as kernels
-
         out = np.zeros(size)
-        kernels.add_transposed(self.first, self.rows, np.ascontiguousarray(y), self.dim, out)
+        core.tube_add_transposed(*self.rows.shape, self.dim, self.first, self.rows, np.ascontiguousarray(y), out)
         return out
 
 
@@ -227,8 +224,6 @@ def _normals(tangent: FloatArray) -> tuple[list[FloatArray], float]:
 
 def _objective(tube: Tube, basis: FloatArray) -> FloatArray:
     """Band (5 d, N) of the integral of w |q'''|^2, by two Gauss points an interval, which is exact."""
-    from planner.programs.path import path_kernels as kernels
-
     dim = tube.point.shape[1]
     n = basis.shape[0]
     width = np.diff(tube.knots)
@@ -239,7 +234,7 @@ def _objective(tube: Tube, basis: FloatArray) -> FloatArray:
         for j in range(dim):
             rows = np.zeros((n, DEGREE + 1, dim))
             rows[:, :, j] = third
-            kernels.add_rows(first, rows.reshape(n, -1), 0.5 * tube.weight * width, dim, band)
+            core.tube_add_rows(n, rows[0].size, dim, first, rows, 0.5 * tube.weight * width, band.shape[1], band)
     return band
 
 
@@ -274,8 +269,6 @@ def _interior_point(
     tube: Tube, rows: _TubeRows, objective: FloatArray, control: FloatArray, fixed: NDArray[np.intp]
 ) -> int:
     """Minimise over the control points in place; returns the number of iterations."""
-    from planner.programs.path import path_kernels as kernels
-
     dim, size = rows.dim, control.size
     frozen = (fixed[:, None] * dim + np.arange(dim)).reshape(-1)
     # Scaled so that moving by the tolerance is felt like one unit of the objective.
@@ -283,14 +276,14 @@ def _interior_point(
     objective = objective * scale
     x = control.reshape(-1)
     gradient = np.empty(size)
-    kernels.apply_band(objective, x, gradient)
+    core.tube_apply_band(*objective.shape, objective, x, gradient)
     value = rows.values(control)
     state = _TubeIterate.start(value, 0.5 * float(dot(gradient, x)))
     for count in range(1, _MAX_ITERATIONS + 1):
         dual = gradient + rows.transposed(state.z1 - state.z2, size)
         dual[frozen] = 0.0
         band = objective.copy()
-        kernels.add_rows(rows.first, rows.rows, state.curvature(), dim, band)
+        core.tube_add_rows(*rows.rows.shape, dim, rows.first, rows.rows, state.curvature(), size, band)
         solve = _factor(band, frozen)
         if solve is None:
             return count
@@ -310,7 +303,7 @@ def _interior_point(
         x += reach_p * dx
         state.advance(step, reach_p, reach_d)
         value = rows.values(control)
-        kernels.apply_band(objective, x, gradient)
+        core.tube_apply_band(*objective.shape, objective, x, gradient)
         cost = 0.5 * float(dot(gradient, x))
         if state.gap <= _GAP * max(cost, 1e-12) and state.infeasibility(value) <= 1e-6:
             return count

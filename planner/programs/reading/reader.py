@@ -27,6 +27,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.compiled import core
 from planner.errors import InputError
 from planner.inputs import require_path
 from planner.programs.reading.arcs import resolve_arcs
@@ -199,13 +200,11 @@ def _moves(
     state: ReadingState,
 ) -> tuple[Mask, MoveColumns]:
     """The moves that are long enough to be one, and at which blocks they are; the other lines go to the state."""
-    from planner.programs.reading.reader_kernels import merge_short_moves
-
     rows = np.flatnonzero(kind >= RAPID)
     ends = programmed[1:][rows]
     before = state.position.copy()
     keep = np.empty(rows.size, dtype=np.uint8)
-    merge_short_moves(ends, (kind[rows] == ARC).astype(np.uint8), ZERO_LENGTH_MM, state.position, keep)
+    core.reader_merge_short_moves(rows.size, ends, kind[rows] == ARC, ZERO_LENGTH_MM, state.position, keep)
     state.zero_lines.append(blocks.line[rows[keep == 0]])
     rows, end = rows[keep == 1], ends[keep == 1]
     kept = np.zeros(kind.size, dtype=bool)

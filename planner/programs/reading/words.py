@@ -5,12 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from enum import IntEnum
 from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.compiled import core
 from planner.errors import InputError
 from planner.inputs import shorten
 from planner.types import FloatArray
@@ -24,6 +26,16 @@ _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 O_WORDS = "O words (program numbers, subroutines, loops) are not read; delete the number, or write out the blocks"
 PARAMETERS = "parameters are not read; write the number"
 EXPRESSIONS = "expressions are not read; write the number"
+
+
+class _Fault(IntEnum):
+    """What can be wrong with a character, as ``reading.h`` numbers it."""
+
+    BYTE = 1
+    CHARACTER = 2
+    NO_LETTER = 3
+    NO_NUMBER = 4
+    OPEN_COMMENT = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,15 +139,13 @@ def _parts(file: BinaryIO) -> Iterator[tuple[bytes, str]]:
 
 
 def _scan(text: bytes, source: str, lines_before: int) -> tuple[Words, InputError | None]:
-    from planner.programs.reading.reader_kernels import scan_words
-
     raw = np.frombuffer(text, dtype=np.uint8)
     size = raw.size // 2 + 2  # a word has two characters; a % has one, which the rules let stand alone only
     size += text.count(b"%")
     letter, value = np.empty(size, dtype=np.uint8), np.empty(size)
     first, stop, line = (np.empty(size, dtype=np.int32) for _ in range(3))
     found = np.zeros(3, dtype=np.int64)
-    count = scan_words(raw, letter, value, first, stop, line, found)
+    count = core.words_scan(raw.size, raw, letter, value, first, stop, line, found)
     fault = None
     if found[0]:
         count = int(np.searchsorted(line[:count], found[2]))  # the words before it are half a block
@@ -147,16 +157,14 @@ def _scan(text: bytes, source: str, lines_before: int) -> tuple[Words, InputErro
 
 def _complaint(text: bytes, what: int, at: int) -> str:
     """Word and reason for a character that fits nowhere."""
-    from planner.programs.reading import reader_kernels as kernels
-
     match what:
-        case kernels.BYTE:
+        case _Fault.BYTE:
             return f"byte 0x{text[at]:02x}: not a character of a part program; the file is binary or damaged"
-        case kernels.NO_NUMBER:
+        case _Fault.NO_NUMBER:
             return _unread(text, at)
-        case kernels.NO_LETTER:
+        case _Fault.NO_LETTER:
             return f"{_excerpt(text, at)}: a number needs a letter before it"
-        case kernels.OPEN_COMMENT:
+        case _Fault.OPEN_COMMENT:
             return f"{_excerpt(text, at)}: a comment that is not closed with ) in its line, or that holds another"
     character = chr(text[at])
     known = {

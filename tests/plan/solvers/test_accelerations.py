@@ -214,7 +214,7 @@ def test_a_reserve_is_left_without_a_jerk_limit_too():
 
 
 def random_stage(seed):
-    """Rows of 1 to 8 intervals that hold at rest, of two bounds each; in some places the control has no say."""
+    """Rows of 1 to 8 intervals that hold at rest, of two bounds each, some with leans, some idle or out of reach."""
     rng = np.random.default_rng(seed)
     count, n, points = int(rng.integers(1, 5)), int(rng.integers(1, 9)), int(rng.integers(2, 5))
     rows = rng.normal(size=(count, 2, n, points))

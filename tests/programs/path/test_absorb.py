@@ -3,11 +3,13 @@
 from functools import cache
 
 import numpy as np
+import path_reference as reference
 import pytest
 from cases import drives
 from program_blocks import arc, line, polyline, program, rapid
 
 from planner import SolverError, check, plan_feedrate
+from planner.compiled import core
 from planner.programs.long.windows import plan_program
 from planner.programs.path import absorb as absorbing
 from planner.programs.path.absorb import absorb
@@ -372,3 +374,37 @@ def test_tubes_at_tiny_tolerances_stay_small(tolerance):
     path = program_path(polyline(corner(10.0)), tolerance, LIMITS)
     assert path.counts["knots"] < 500
     assert path.deviation_share <= 1.0
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("seed", range(12))
+def test_the_compiled_runs_are_those_of_plain_python(seed, dim):
+    """Noise about a curve, repeated vertices, feeds that differ, vertices that must stay; runs of more than 1024 blocks."""
+    rng = np.random.default_rng([seed, dim])
+    count = 1500 if seed == 0 else int(rng.integers(1, 120))
+    way = np.cumsum(rng.uniform(0.0, 0.2, count + 1))
+    points = np.column_stack([way, np.sin(way if seed % 2 else 0.1 * way), 0.3 * way][:dim])
+    points = points + rng.normal(0.0, 0.003, (count + 1, dim))
+    points[rng.integers(0, count, count // 10) + 1] = (
+        points[rng.integers(0, count, count // 10)] if seed % 4 == 3 else 0.5
+    )
+    length = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    feed = 50.0 if seed < 6 else rng.choice([50.0, 80.0], count, p=[0.9, 0.1])
+    rows = np.column_stack(
+        [
+            length,
+            np.where(rng.random(count) < 0.05, rng.choice([np.inf, 1e-3], count), 0.0),
+            np.broadcast_to(feed, count),
+            rng.choice([0.01, 0.02], count),
+            rng.choice([0.0, 1e-3], count),
+            np.full(count, 0.05),
+        ]
+    )
+    loose = rng.random(count + 1) < (1.0 if seed == 0 else 0.95)
+    loose[[0, -1]] = False
+    core.absorb_runs(count, dim, points, rows, loose, 0.8, kept := np.full(count + 1, 7, dtype=np.uint8))
+    reference.absorb_runs(points, rows, loose, 0.8, expected := np.full(count + 1, 7, dtype=np.uint8))
+    assert kept.tobytes() == expected.tobytes()
+    assert kept[[0, -1]].all()
+    assert kept[~loose].all()
+    assert count < 100 or kept.sum() < 0.9 * count

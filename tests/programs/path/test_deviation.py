@@ -1,10 +1,12 @@
 """Two-sided deviation: brute force, closed forms and planted faults."""
 
 import numpy as np
+import path_reference as reference
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from planner.compiled import core
 from planner.geometry.blend import Legs
 from planner.geometry.nurbs import NurbsCurve
 from planner.programs.path.deviation import Programmed, deviation, foot_distance, refined_peaks
@@ -108,3 +110,36 @@ def test_peak_between_samples_is_refined():
     where, height = refined_peaks(lambda y: 1.0 - (y - 0.537) ** 2, x, 1.0 - (x - 0.537) ** 2)
     assert height.max() == pytest.approx(1.0, abs=1e-6)
     assert where[np.argmax(height)] == pytest.approx(0.537, abs=1e-3)
+
+
+def random_legs(rng, count, dim):
+    """Lines, arcs and spirals, as vectors (count, 4, dim) and rates (count, 2), one after another along the edges."""
+    vectors = np.zeros((count, 4, dim))
+    vectors[:, 0] = np.cumsum(rng.normal(size=(count, dim)), axis=0)
+    rates = np.zeros((count, 2))
+    for i in range(count):
+        directions = np.linalg.qr(rng.normal(size=(dim, dim)))[0]
+        if i % 3 == 0:
+            vectors[i, 3] = directions[0]
+            continue
+        radius = rng.uniform(0.2, 5.0)
+        vectors[i, 1:3] = radius * directions[:2]
+        rates[i] = rng.choice([-1.0, 1.0]) / radius, (0.0 if i % 3 == 1 else rng.uniform(-0.1, 0.1))
+        if dim == 3:
+            vectors[i, 3] = rng.uniform(-0.3, 0.3) * directions[2]
+    return np.concatenate([[0.0], np.cumsum(rng.uniform(0.0, 2.0, count))]), vectors, rates
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("seed", range(6))
+def test_the_compiled_distance_has_the_bits_of_plain_python(seed, dim):
+    rng = np.random.default_rng([seed, dim])
+    edges, vectors, rates = random_legs(rng, int(rng.integers(1, 30)), dim)
+    n = 40
+    s = np.concatenate([rng.uniform(0.0, edges[-1], n - 2), edges[[0, -1]]])
+    points = vectors[rng.integers(0, len(vectors), n), 0] + rng.normal(size=(n, dim))
+    window = rng.choice([0.0, 0.1, 3.0, 100.0], n)
+    blocks = len(vectors), dim, edges, vectors, rates
+    core.deviation_to_blocks(*blocks, n, points, s, window, found := np.empty(n))
+    reference.distance_to_blocks(edges, vectors, rates, points, s, window, expected := np.empty(n))
+    assert found.tobytes() == expected.tobytes()

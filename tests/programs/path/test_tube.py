@@ -1,10 +1,12 @@
 """The tube: its spline, its ends, its optimum, its knots."""
 
 import numpy as np
+import path_reference as reference
 import pytest
 from scipy.interpolate import BSpline
 from scipy.optimize import minimize
 
+from planner.compiled import core
 from planner.programs.path.stretch import reachable
 from planner.programs.path.tube import DEGREE, Tube, basis_powers, full_knots, greville, samples_of, smoothest
 from planner.programs.path.tube_knots import onto, place, spacing_at
@@ -182,3 +184,38 @@ def test_knots_beside_marks_move_onto_them():
         assert (np.diff(moved) >= 0.8 * np.diff(knots)).all()
         assert moved[[0, -1]].tolist() == knots[[0, -1]].tolist()
         assert np.isin(moved, np.concatenate([knots, marks])).all()
+
+
+class TestCompiled:
+    """The bits are those of plain Python, and the numbers those of dense matrices."""
+
+    @pytest.mark.parametrize(
+        ("count", "dim", "controls"), [(1, 2, 5), (40, 2, 23), (40, 3, 11), (7, 1, 300), (300, 3, 700)]
+    )
+    def test_banded_algebra(self, count, dim, controls):
+        rng = np.random.default_rng([count, dim])
+        width, n = 5 * dim, controls * dim
+        first = np.sort(rng.integers(0, controls - 4, count)).astype(np.int64)
+        rows = rng.normal(size=(count, width)) * (rng.random((count, width)) < 0.8)
+        weight, x, y = rng.random(count), rng.normal(size=n), rng.normal(size=count)
+        dense = np.zeros((count, n))
+        for k in range(count):
+            dense[k, first[k] * dim : first[k] * dim + width] = rows[k]
+        band, expected = np.full((width, n), 0.5), np.full((width, n), 0.5)
+        core.tube_add_rows(count, width, dim, first, rows, weight, n, band)
+        reference.add_rows(first, rows, weight, dim, expected)
+        assert band.tobytes() == expected.tobytes()
+        whole = 0.5 * (np.abs(np.subtract.outer(np.arange(n), np.arange(n))) < width) + (dense.T * weight) @ dense
+        for compiled, plain, arguments, exact in (
+            (core.tube_apply_rows, reference.apply_rows, x, dense @ x),
+            (core.tube_add_transposed, reference.add_transposed, y, 0.25 + dense.T @ y),
+        ):
+            found, expected = np.full(exact.size, 0.25), np.full(exact.size, 0.25)
+            compiled(count, width, dim, first, rows, arguments, found)
+            plain(first, rows, arguments, dim, expected)
+            assert found.tobytes() == expected.tobytes()
+            np.testing.assert_allclose(found, exact, atol=1e-12)
+        core.tube_apply_band(width, n, band, x, found := np.empty(n))
+        reference.apply_band(band, x, expected := np.empty(n))
+        assert found.tobytes() == expected.tobytes()
+        np.testing.assert_allclose(found, whole @ x, atol=1e-9)

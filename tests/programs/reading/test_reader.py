@@ -6,7 +6,9 @@ import subprocess
 
 import numpy as np
 import pytest
+import reader_reference as reference
 
+from planner.compiled import core
 from planner.errors import InputError
 from planner.programs.reading.program import ARC, LINE, RAPID, Program
 from planner.programs.reading.reader import read_program
@@ -360,3 +362,97 @@ class TestAgainstLinuxCNC:
         else:
             assert ours.kind[k] == (RAPID if name == "STRAIGHT_TRAVERSE" else LINE)
             assert values[:3] == pytest.approx(ours.end[k], abs=1e-3)
+
+
+class TestCompiled:
+    """Words and moves are those of plain Python, whatever the characters are."""
+
+    @staticmethod
+    def scanned(text, scan):
+        size = len(text) // 2 + 2 + text.count(b"%")
+        columns = [np.zeros(size, dtype=d) for d in (np.uint8, np.float64, np.int32, np.int32, np.int32)]
+        fault = np.zeros(3, dtype=np.int64)
+        count = scan(text, *columns, fault)
+        return count, fault.tolist(), [column[:count].tobytes() for column in columns]
+
+    @staticmethod
+    def compiled(text, *columns):
+        return core.words_scan(len(text), np.frombuffer(text, dtype=np.uint8), *columns)
+
+    def agree(self, text):
+        found = self.scanned(text, self.compiled)
+        assert found == self.scanned(text, lambda text, *columns: reference.scan_words(list(text), *columns))
+        return found
+
+    @pytest.mark.parametrize(
+        "number",
+        [
+            *(
+                "0",
+                "-0",
+                "+.5",
+                "1.",
+                "-.",
+                ".",
+                "",
+                "1.2.3",
+                "--1",
+                "007",
+                "  \t12",
+                "1 2",
+                "3.141592653589793238462643",
+            ),
+            *("9" * 400, "0." + "0" * 400 + "7", "1" + "0" * 30 + ".5", "123456789012345678.9", "99999999999999999.99"),
+            *("0." + "0" * k + "123" for k in (18, 19, 20, 21, 22, 23, 30)),
+        ],
+    )
+    def test_numbers(self, number):
+        self.agree(b"X" + number.encode())
+        self.agree(b"x" + number.encode() + b"\nY1")
+
+    def test_numbers_with_few_digits_are_those_of_python(self):
+        rng = np.random.default_rng(3)
+        texts = [
+            f"{value:.{digits}f}"
+            for value, digits in zip(rng.normal(0, 300, 500), rng.integers(0, 9, 500), strict=True)
+        ]
+        count, _, columns = self.agree("\n".join("X" + text for text in texts).encode())
+        assert count == 500
+        assert np.frombuffer(columns[1]).tolist() == [float(text) for text in texts]
+
+    @pytest.mark.parametrize("seed", range(300))
+    def test_characters_at_random(self, seed):
+        rng = np.random.default_rng(seed)
+        likely = rng.choice(list(b"GXYZFNMxy0123456789.-+ \t\r\n\n();%"), int(rng.integers(0, 60)))
+        text = bytearray(bytes(likely.astype(np.uint8).tolist()))
+        if text and seed % 3 == 0:
+            text[rng.integers(len(text))] = rng.integers(256)
+        self.agree(bytes(text))
+
+    def test_every_fault_is_among_them(self):
+        seen = set()
+        for text in (
+            b"X1 \x80",
+            b"X1 #2",
+            b"12",
+            b"X Y1",
+            b"(a\nX1",
+            b"(a(b)",
+            b";only\x07",
+            b"(never",
+            b"; to the end",
+        ):
+            _, fault, _ = self.agree(text)
+            seen.add(fault[0])
+        assert seen == {0, 1, 2, 3, 4, 5}
+
+    def test_moves_that_lead_nowhere(self):
+        rng = np.random.default_rng(9)
+        ends = np.cumsum(rng.choice([0.0, 1e-7, 4e-7, 1e-6, 0.1], (400, 3)), axis=0)
+        always = rng.random(400) < 0.05
+        ours, theirs = np.zeros(3), np.zeros(3)
+        core.reader_merge_short_moves(400, ends, always, 1e-6, ours, kept := np.empty(400, dtype=np.uint8))
+        reference.merge_short_moves(ends, always, 1e-6, theirs, expected := np.empty(400, dtype=np.uint8))
+        assert kept.tobytes() == expected.tobytes()
+        assert ours.tobytes() == theirs.tobytes()
+        assert 20 < kept.sum() < 400

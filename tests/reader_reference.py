@@ -1,40 +1,40 @@
-"""Compiled parts of the reader: characters into words, and which moves are long enough to be one."""
-
-from __future__ import annotations
-
-import numpy as np
-from numba import njit, types
-
-U8, F64, I32, I64 = types.uint8, types.float64, types.int32, types.int64
-READ_BYTES = types.Array(U8, 1, "C", readonly=True)
-READ2 = types.Array(F64, 2, "C", readonly=True)
-BYTES, INDICES, COUNTS, FLOATS = (types.Array(t, 1, "C") for t in (U8, I32, I64, F64))
+"""Loops of the reader in plain Python: the compiled ones give the same words and numbers."""
 
 # What can be wrong with a character; 0 is nothing.
 BYTE, CHARACTER, NO_LETTER, NO_NUMBER, OPEN_COMMENT = 1, 2, 3, 4, 5
 
 # Digits beyond the 17th do not change a double; 10^22 is the largest power of ten that is one exactly.
 _MAX_MANTISSA = 10**17
-_POWERS = np.array([float(10**k) for k in range(23)])
 
 
-@njit(I64(READ_BYTES, I64, U8), cache=True)
+def _power_of_ten(n):
+    """10^n: exact, or by squaring, so that it does not depend on a library."""
+    if n <= 22:
+        return float(10**n)
+    result, base = 1.0, 10.0
+    while n:
+        if n & 1:
+            result *= base
+        n >>= 1
+        base *= base
+    return result
+
+
 def _comment_end(text, i, close):
     """Index of the character that closes a comment opened at i, or -1 - index of the one that must not be there."""
-    for j in range(i + 1, text.size):
+    for j in range(i + 1, len(text)):
         c = text[j]
         if c == close:
             return j
-        control = (c < 32 and c != 9 and c != 13) or c == 127  # noqa: PLR1714 (a set is slow in compiled code)
+        control = (c < 32 and c != 9 and c != 13) or c == 127  # noqa: PLR1714
         if control or (c == 40 and close == 41):
             return -1 - j
-    return text.size if close == 10 else -1 - text.size
+    return len(text) if close == 10 else -1 - len(text)
 
 
-@njit(types.Tuple((F64, I64, I64))(READ_BYTES, I64), cache=True)
 def _number(text, j):
     """The decimal number at an offset: its value, where it ends, and how many digits it has."""
-    size = text.size
+    size = len(text)
     sign = -1.0 if j < size and text[j] == 45 else 1.0
     if j < size and (text[j] == 45 or text[j] == 43):
         j += 1
@@ -45,19 +45,18 @@ def _number(text, j):
         else:
             digits += 1
             if mantissa < _MAX_MANTISSA:
-                mantissa = 10 * mantissa + (I64(text[j]) - 48)
+                mantissa = 10 * mantissa + (text[j] - 48)
                 decimals += dot
             else:
                 dropped += not dot
         j += 1
-    scale = _POWERS[decimals] if decimals <= 22 else 10.0**decimals
+    scale = _power_of_ten(decimals)
     value = sign * (mantissa / scale)
     if dropped > 0:
-        value *= 10.0**dropped
+        value *= _power_of_ten(dropped)
     return value, j, digits
 
 
-@njit(I64(U8), cache=True)
 def _stray(c):
     """What is wrong with a character that starts no word."""
     if 48 <= c <= 57 or c == 43 or c == 45 or c == 46:  # noqa: PLR1714
@@ -65,7 +64,6 @@ def _stray(c):
     return CHARACTER if 32 < c < 127 else BYTE
 
 
-@njit(I64(READ_BYTES, BYTES, FLOATS, INDICES, INDICES, INDICES, COUNTS), cache=True)
 def scan_words(text, letter, value, first, stop, line, fault):
     """Split text into words, a letter and a number each; returns how many.
 
@@ -75,26 +73,26 @@ def scan_words(text, letter, value, first, stop, line, fault):
     n = 0
     at_line = 0
     i = 0
-    while i < text.size:
+    while i < len(text):
         c = text[i]
         if c == 10 or c == 32 or c == 9 or c == 13:  # noqa: PLR1714
             at_line += c == 10
             i += 1
             continue
-        if c == 40 or c == 59:  # noqa: PLR1714 (these open a comment)
-            end = _comment_end(text, i, U8(41) if c == 40 else U8(10))
+        if c == 40 or c == 59:  # noqa: PLR1714
+            end = _comment_end(text, i, 41 if c == 40 else 10)
             if end < 0:
                 bad = -1 - end
-                open_ended = bad >= text.size or text[bad] == 10 or text[bad] == 40
+                open_ended = bad >= len(text) or text[bad] == 10 or text[bad] == 40
                 fault[0], fault[1], fault[2] = (OPEN_COMMENT, i, at_line) if open_ended else (BYTE, bad, at_line)
                 return n
             i = end + 1 if c == 40 else end
             continue
-        c = U8(c - 32) if 97 <= c <= 122 else c
+        c = c - 32 if 97 <= c <= 122 else c
         number, j = 0.0, i + 1
         what = 0
         if 65 <= c <= 90:
-            while j < text.size and (text[j] == 32 or text[j] == 9):
+            while j < len(text) and (text[j] == 32 or text[j] == 9):
                 j += 1
             number, j, digits = _number(text, j)
             what = 0 if digits > 0 else NO_NUMBER
@@ -109,7 +107,6 @@ def scan_words(text, letter, value, first, stop, line, fault):
     return n
 
 
-@njit(types.void(READ2, READ_BYTES, F64, FLOATS, BYTES), cache=True)
 def merge_short_moves(ends, always, threshold, position, keep):
     """Mark in ``keep`` the moves that lead farther than the threshold from where the last kept one ended.
 

@@ -1,24 +1,8 @@
-"""Compiled parts of the path: banded algebra of the tube, distance to blocks, and which vertices are absorbed.
-
-The tube has sparse rows of five control points each, and a symmetric band that they fill.  A row k acts on the control
-points first[k] .. first[k] + 4 with the coefficients ``rows[k]`` (5 d numbers, control point by control point).  The
-band is kept as LAPACK's lower form: ``band[i, j]`` is the entry (j + i, j).
-"""
-
-from __future__ import annotations
+"""Loops of the path of a program in plain Python: the compiled ones give the same bits."""
 
 import numpy as np
-from numba import njit, types
-
-from planner.geometry.curve_kernels import F64, I64, NOTHING, READ1, READ2, READ3, WRITE1, WRITE2
-
-INDEX = types.Array(I64, 1, "C", readonly=True)
-FLAGS, READ_FLAGS = (types.Array(types.uint8, 1, "C", readonly=flag) for flag in (False, True))
-_SLIDE = 16  # vertices on either side
-_LONGEST_RUN = 1024  # blocks looked at for one line, but for the first of a run
 
 
-@njit(NOTHING(INDEX, READ2, READ1, I64, WRITE2), cache=True, error_model="numpy")
 def add_rows(first, rows, weight, dim, band):
     """Add sum_k weight[k] rows[k] rows[k]^T to the band."""
     width = rows.shape[1]
@@ -31,7 +15,6 @@ def add_rows(first, rows, weight, dim, band):
                     band[i - j, start + j] += value * rows[k, i]
 
 
-@njit(NOTHING(INDEX, READ2, READ1, I64, WRITE1), cache=True, error_model="numpy")
 def apply_rows(first, rows, x, dim, out):
     """Write rows[k] . x into out[k]."""
     width = rows.shape[1]
@@ -43,7 +26,6 @@ def apply_rows(first, rows, x, dim, out):
         out[k] = total
 
 
-@njit(NOTHING(INDEX, READ2, READ1, I64, WRITE1), cache=True, error_model="numpy")
 def add_transposed(first, rows, y, dim, out):
     """Add sum_k y[k] rows[k] to out."""
     width = rows.shape[1]
@@ -53,7 +35,6 @@ def add_transposed(first, rows, y, dim, out):
             out[start + j] += y[k] * rows[k, j]
 
 
-@njit(NOTHING(READ2, READ1, WRITE1), cache=True, error_model="numpy")
 def apply_band(band, x, out):
     """Write the product of the symmetric band and x into out."""
     n = x.size
@@ -65,8 +46,7 @@ def apply_band(band, x, out):
             out[j] += band[i, j] * x[j + i]
 
 
-@njit(types.float64(READ1, types.float64, types.float64, READ1, READ1), cache=True, error_model="numpy")
-def _to_segment(p, lo, hi, start, direction):
+def to_segment(p, lo, hi, start, direction):
     """Squared distance from p to the points start + x direction, lo <= x <= hi, of a unit direction."""
     x = 0.0
     for j in range(p.size):
@@ -78,8 +58,7 @@ def _to_segment(p, lo, hi, start, direction):
     return total
 
 
-@njit(types.float64(READ1, types.float64, types.float64, READ2, READ1), cache=True, error_model="numpy")
-def _to_curve(p, lo, hi, vectors, rates):
+def to_curve(p, lo, hi, vectors, rates):
     """Squared distance from p to a curved leg between lo and hi: scanned, then Gauss-Newton on the nearest part."""
     w, k = rates[0], rates[1]
     count = 1 + int(abs(w) * (hi - lo) / 0.5)
@@ -121,7 +100,6 @@ def _to_curve(p, lo, hi, vectors, rates):
     return best
 
 
-@njit(NOTHING(READ1, READ3, READ2, READ2, READ1, READ1, WRITE1), cache=True, error_model="numpy")
 def distance_to_blocks(edges, vectors, rates, points, abscissa, window, out):
     """Distance of every point to the blocks between abscissa - window and abscissa + window.
 
@@ -143,14 +121,13 @@ def distance_to_blocks(edges, vectors, rates, points, abscissa, window, out):
             begin = max(0.0, low - edges[i])
             end = min(edges[i + 1], high) - edges[i]
             if rates[i, 0] == 0.0:
-                best = min(best, _to_segment(points[n], begin, end, vectors[i, 0], vectors[i, 3]))
+                best = min(best, to_segment(points[n], begin, end, vectors[i, 0], vectors[i, 3]))
             else:
-                best = min(best, _to_curve(points[n], begin, end, vectors[i], rates[i]))
+                best = min(best, to_curve(points[n], begin, end, vectors[i], rates[i]))
             i += 1
         out[n] = np.sqrt(best)
 
 
-@njit(F64(READ2, READ2, I64, I64, F64), cache=True, error_model="numpy")
 def strip_width(points, rows, i, j, share):
     """Distance of the blocks i to j - 1 from one line between their ends; inf where they may not become that line.
 
@@ -190,8 +167,7 @@ def strip_width(points, rows, i, j, share):
     return np.sqrt(worst) + off
 
 
-@njit(NOTHING(READ2, READ2, READ_FLAGS, F64, I64, I64, FLAGS), cache=True, error_model="numpy")
-def _slide(points, rows, loose, share, begin, end, kept):
+def slide(points, rows, loose, share, begin, end, kept):
     """Move every vertex that stays between begin and end to the neighbour that leaves the least distance."""
     before, k = begin, begin + 1
     while k < end:
@@ -200,7 +176,7 @@ def _slide(points, rows, loose, share, begin, end, kept):
             while not kept[after]:
                 after += 1
             best, place = np.inf, k
-            for c in range(max(before + 1, k - _SLIDE), min(after, k + _SLIDE + 1)):
+            for c in range(max(before + 1, k - 16), min(after, k + 16 + 1)):
                 width = max(strip_width(points, rows, before, c, share), strip_width(points, rows, c, after, share))
                 if width < best:
                     best, place = width, c
@@ -210,7 +186,6 @@ def _slide(points, rows, loose, share, begin, end, kept):
         k += 1
 
 
-@njit(NOTHING(READ2, READ2, READ_FLAGS, F64, FLAGS), cache=True, error_model="numpy")
 def absorb_runs(points, rows, loose, share, kept):
     """Choose the vertices that stay.
 
@@ -228,7 +203,7 @@ def absorb_runs(points, rows, loose, share, kept):
             i = begin
             while i < end:
                 # zigzags lie about their mean, not about the lines between their vertices: the long lines come first
-                step = end - i if i == begin else min(end - i, _LONGEST_RUN)
+                step = end - i if i == begin else min(end - i, 1024)
                 failed = step + 1
                 while step > 1 and strip_width(points, rows, i, i + step, share) == np.inf:
                     failed, step = step, step // 2
@@ -242,5 +217,5 @@ def absorb_runs(points, rows, loose, share, kept):
                 for k in range(i + 1, j):
                     kept[k] = 0
                 i = j
-            _slide(points, rows, loose, share, begin, end, kept)
+            slide(points, rows, loose, share, begin, end, kept)
         begin = end

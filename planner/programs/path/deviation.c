@@ -1,0 +1,107 @@
+#include "planner/programs/path/path.h"
+
+#include "planner/core.h"
+
+#define FAR 1e300         /* no distance is as large */
+#define SCAN_ANGLE 0.5    /* rad between looks at a curved leg */
+#define PASSES 8          /* of Gauss-Newton */
+#define MIN_BEND 0.1      /* of the square of the slope: below that Newton's step may lead uphill */
+
+/* Squared distance from p to the points start + x direction, lo <= x <= hi, of a unit direction. */
+static double to_segment(int64_t dim, const double *p, double lo, double hi, const double *start,
+                         const double *direction)
+{
+    double x = 0.0, total = 0.0;
+    for (int64_t j = 0; j < dim; j++)
+        x += (p[j] - start[j]) * direction[j];
+    x = smaller(larger(x, lo), hi);
+    for (int64_t j = 0; j < dim; j++)
+        total += square(start[j] + x * direction[j] - p[j]);
+    return total;
+}
+
+/* Squared distance from p to a curved leg at x: centre + (1 + k x) (a cos w x + b sin w x) + c x. */
+static double to_leg_at(int64_t dim, const double *p, double x, const double *vectors, double w, double k)
+{
+    const double *centre = vectors, *a = vectors + dim, *b = vectors + 2 * dim, *along = vectors + 3 * dim;
+    const double c = cos(w * x), s = sin(w * x);
+    double total = 0.0;
+    for (int64_t j = 0; j < dim; j++)
+        total += square(centre[j] + (1.0 + k * x) * (a[j] * c + b[j] * s) + along[j] * x - p[j]);
+    return total;
+}
+
+/* Gauss-Newton from x on a curved leg towards the point nearest to p. */
+static double nearer(int64_t dim, const double *p, double x, const double *vectors, double w, double k)
+{
+    const double *centre = vectors, *a = vectors + dim, *b = vectors + 2 * dim, *along = vectors + 3 * dim;
+    const double c = cos(w * x), s = sin(w * x), growth = 1.0 + k * x;
+    double slope = 0.0, squares = 0.0, bend = 0.0;
+    for (int64_t j = 0; j < dim; j++) {
+        const double circle = a[j] * c + b[j] * s, turned = w * (b[j] * c - a[j] * s);
+        const double away = centre[j] + growth * circle + along[j] * x - p[j];
+        const double d1 = growth * turned + k * circle + along[j];
+        const double d2 = 2.0 * k * turned - growth * w * w * circle;
+        slope += away * d1;
+        squares += d1 * d1;
+        bend += away * d2;
+    }
+    double curvature = squares + bend;
+    if (curvature < MIN_BEND * squares)
+        curvature = squares;
+    return x - slope / curvature;
+}
+
+/* Squared distance from p to a curved leg between lo and hi: scanned, then Gauss-Newton on the nearest part. */
+static double to_curve(int64_t dim, const double *p, double lo, double hi, const double *vectors, const double *rates)
+{
+    const double w = rates[0], k = rates[1];
+    const int64_t count = 1 + (int64_t)(fabs(w) * (hi - lo) / SCAN_ANGLE);
+    double best = FAR, x = lo;
+    for (int64_t i = 0; i <= count; i++) {
+        const double at = lo + (hi - lo) * (double)i / (double)count;
+        const double total = to_leg_at(dim, p, at, vectors, w, k);
+        if (total < best) {
+            best = total;
+            x = at;
+        }
+    }
+    for (int pass = 0; pass < PASSES; pass++) {
+        x = smaller(larger(nearer(dim, p, x, vectors, w, k), lo), hi);
+        best = smaller(best, to_leg_at(dim, p, x, vectors, w, k));
+    }
+    return best;
+}
+
+/* Index of the block in which an abscissa lies; the first or last beyond the ends. */
+static int64_t block_at(int64_t blocks, const double *edges, double abscissa)
+{
+    int64_t lo = 0, hi = blocks;
+    while (hi - lo > 1) {
+        const int64_t mid = (lo + hi) / 2;
+        if (edges[mid] <= abscissa)
+            lo = mid;
+        else
+            hi = mid;
+    }
+    return lo;
+}
+
+void deviation_to_blocks(int64_t blocks, int64_t dim, const double *edges, const double *vectors, const double *rates,
+                         int64_t n, const double *points, const double *abscissa, const double *window, double *out)
+{
+    for (int64_t m = 0; m < n; m++) {
+        const double low = abscissa[m] - window[m], high = abscissa[m] + window[m];
+        const double *p = points + m * dim;
+        const int64_t nearest = block_at(blocks, edges, low);
+        double best = FAR;
+        for (int64_t i = nearest; i < blocks && (edges[i] <= high || i == nearest); i++) {
+            const double begin = larger(0.0, low - edges[i]), end = smaller(edges[i + 1], high) - edges[i];
+            const double *leg = vectors + i * 4 * dim;
+            const double away = rates[2 * i] == 0.0 ? to_segment(dim, p, begin, end, leg, leg + 3 * dim)
+                                                    : to_curve(dim, p, begin, end, leg, rates + 2 * i);
+            best = smaller(best, away);
+        }
+        out[m] = sqrt(best);
+    }
+}

@@ -1,0 +1,39 @@
+/* The smooth path of a part program, compiled. */
+#ifndef PLANNER_PROGRAMS_PATH_PATH_H
+#define PLANNER_PROGRAMS_PATH_PATH_H
+
+#include <stdint.h>
+
+/* Banded algebra of the tube.  Its rows (count, width) are sparse: row k acts on the width numbers of x from dim *
+ * first[k] on, control point by control point.  The symmetric band (depth, n) that they fill is LAPACK's lower form:
+ * band[i, j] is the entry (j + i, j); depth is at least width. */
+
+/* Add the sum of weight[k] rows[k] rows[k]^T to the band. */
+void tube_add_rows(int64_t count, int64_t width, int64_t dim, const int64_t *first, const double *rows,
+                   const double *weight, int64_t n, double *band);
+
+/* Write rows[k] . x into out (count). */
+void tube_apply_rows(int64_t count, int64_t width, int64_t dim, const int64_t *first, const double *rows,
+                     const double *x, double *out);
+
+/* Add the sum of y[k] rows[k] to out. */
+void tube_add_transposed(int64_t count, int64_t width, int64_t dim, const int64_t *first, const double *rows,
+                         const double *y, double *out);
+
+/* Write the product of the symmetric band and x (n) into out (n). */
+void tube_apply_band(int64_t depth, int64_t n, const double *band, const double *x, double *out);
+
+/* Write the distance of each point (n, dim) to the blocks between abscissa - window and abscissa + window (n) into out
+ * (n). Block i runs from edges[i] to edges[i + 1] along its leg: vectors (blocks, 4, dim) and rates (blocks, 2). */
+void deviation_to_blocks(int64_t blocks, int64_t dim, const double *edges, const double *vectors, const double *rates,
+                         int64_t n, const double *points, const double *abscissa, const double *window, double *out);
+
+/* Choose the vertices that stay: kept (blocks + 1) becomes 1 at these.
+ *
+ * points (blocks + 1, dim) are the vertices.  rows (blocks, 6) hold of every block its length, the distance of its
+ * points from its chord, its feed, its tolerance, the distance it is off already, and the length below which its feed
+ * may be that of its longest neighbour.  Only a loose (blocks + 1) vertex may go. */
+void absorb_runs(int64_t blocks, int64_t dim, const double *points, const double *rows, const uint8_t *loose,
+                 double share, uint8_t *kept);
+
+#endif
