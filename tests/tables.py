@@ -8,6 +8,9 @@ from interp import stepping
 from interp.stepping import State
 
 
+EXACT_PERIOD = 2.0**-10  # s
+
+
 def same_bits(found, expected):
     """Whether two arrays hold the same numbers, -0 apart from 0; a nan is like any other."""
     found, expected = np.asarray(found, dtype=float), np.asarray(expected, dtype=float)
@@ -31,13 +34,18 @@ def random_pieces(rng, *, tip):
     return pieces, dim
 
 
+def random_times(rng, size):
+    """Times from 0 to 60 ms: one twice, and some that are samples of the exact period to the bit."""
+    times = np.sort(np.concatenate([rng.uniform(0.0, 0.06, size - 3), EXACT_PERIOD * np.array([5.0, 19.0, 40.0])]))
+    times[0], times[8] = 0.0, times[7]
+    return times
+
+
 def random_segments(rng, count):
     """Segments (n + 1, 8) within 60 ms over the pieces; their quintics leave [0, 1] now and then."""
     size = 25
     segments = np.zeros((size + 1, 8))
-    times = np.sort(rng.uniform(0.0, 0.06, size))
-    times[0] = 0.0
-    times[8] = times[7]  # one of no length
+    times = random_times(rng, size)
     segments[:-1, 0], segments[-1, 0] = times, np.inf
     segments[:-1, 1] = rng.uniform(-0.2, 1.0, size)
     segments[:-1, 2:7] = rng.normal(0.0, 1.0, (size, 5)) * 100.0 ** np.arange(1, 6) / 3.0
@@ -49,8 +57,7 @@ def random_feed(rng):
     """Feed (n + 1, 5) within 60 ms, negative now and then."""
     size = 25
     feed = np.zeros((size + 1, 5))
-    times = np.sort(rng.uniform(0.0, 0.06, size))
-    times[0] = 0.0
+    times = random_times(rng, size)
     feed[:-1, 0], feed[-1, 0] = times, np.inf
     feed[:-1, 1] = rng.uniform(0.0, 300.0, size)
     feed[:-1, 2:] = rng.normal(0.0, 1.0, (size, 3)) * 100.0 ** np.arange(2, 5)
@@ -58,9 +65,9 @@ def random_feed(rng):
 
 
 def random_state(rng, pieces, dim, last):
-    """A state at the start of the pieces, with a period of about 1 ms."""
+    """A state at the start of the pieces, with a period of about 1 ms, every other time an exact one."""
     state = np.zeros(stepping.END + 2 * dim).view(State)
-    period = float(rng.uniform(0.9e-3, 1.1e-3))
+    period = EXACT_PERIOD if rng.integers(2) else float(rng.uniform(0.9e-3, 1.1e-3))
     high = float(np.float32(period))
     state[stepping.PERIOD_HIGH], state[stepping.PERIOD_LOW] = high, period - high
     state[stepping.LAST] = last

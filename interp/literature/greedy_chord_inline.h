@@ -71,12 +71,12 @@ static inline void inner_points(Chord *chord, double du, int64_t last)
 }
 
 /* |p x chord|^2 of the middle. */
-static inline double middle_cross(const Chord *chord, double du, int64_t last)
+static inline double middle_cross(const Chord *chord, double du)
 {
     const int64_t dim = chord->path->dim;
     const double *start = chord->start, *end = chord->end;
     double middle[MOST_AXES];
-    point(chord->path, chord->u + 0.5 * du, chord->piece < last ? chord->piece : last, middle);
+    point(chord->path, chord->u + 0.5 * du, chord->piece, middle);
     double cross2 = 0.0;
     for (int64_t i = 0; i < dim; i++)
         for (int64_t j = i + 1; j < dim; j++)
@@ -119,7 +119,7 @@ static inline double chord_error(Chord *chord, double du, double stop)
     if (chord2 == 0.0)
         return 0.0;
     if (stop < INFINITY) {
-        const double cross2 = middle_cross(chord, du, last);
+        const double cross2 = middle_cross(chord, du);
         if (!(cross2 <= stop * stop * chord2)) /* nan, far beyond the end of a piece, counts as too large */
             return sqrt(cross2 / chord2);
     }
