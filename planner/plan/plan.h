@@ -4,22 +4,26 @@
 
 #include <stdint.h>
 
-/* Write the largest share of speed, acceleration and jerk limits used in each of n intervals into out (4, n); the fourth row is
- * the largest rate at which u falls back, 1/s.  Returns 0 where memory runs out or there are too many axes, else 1.
+/* Write the largest share of speed, acceleration and jerk limits used in the n intervals index (n) into those columns of out
+ * (4, intervals); the fourth row is the largest rate at which u falls back, 1/s.  Returns 0 where memory runs out or there are
+ * too many axes, else 1.
  *
- * Pieces of the machine axes as in geometry.h; those of the tool tip are the same arrays where every axis moves it.  On interval i the parameter u is quintic (6, n)[:, i], ascending powers of the time since its start.  spans (7, n):
- * duration, smallest and largest u, the end of its stretch between breaks, what a digit of the law is worth in u, the feed
- * limit, and into how many equal parts it is cut to be looked at: into twice as many, at most 80, until the parabolas between
- * points tell whether a limit is kept.  bounds (rows, 5): weights of velocity, acceleration and jerk in each limit row, and its
- * lower and upper bound; kinds (rows, 2): its motion (the axes, last the arc length of the tip), and whether it is about speeds
- * (0), accelerations (1) or jerks (2). */
+ * Pieces of the machine axes as in geometry.h; those of the tool tip are the same arrays where every axis moves it.  u and its
+ * first two time derivatives at the nodes (intervals + 1); of each interval its duration, how far u advances in it, powers 3, 4
+ * and 5 (3, intervals) of the duration, what a digit of the law is worth in u, the end of its stretch between breaks, the feed
+ * limit, and into how many equal parts, 2 to 80, it is cut to be looked at: into twice as many, at most 80, until the parabolas
+ * between points tell whether a limit is kept.  bounds (rows, 5): weights of velocity, acceleration and jerk in each limit row,
+ * and its lower and upper bound; kinds (rows, 2): its motion (the axes, last the arc length of the tip), and whether it is about
+ * speeds (0), accelerations (1) or jerks (2). */
 int64_t utilisation_shares(int64_t pieces, int64_t dim, int64_t terms, const double *breaks,
                            const double *coefficients, int64_t rational, const uint8_t *resting, const double *origin,
                            int64_t tip_pieces, int64_t tip_dim, int64_t tip_terms, const double *tip_breaks,
                            const double *tip_coefficients, int64_t tip_rational, const uint8_t *tip_resting,
-                           const double *tip_origin, int64_t n, const double *quintic, const double *spans,
-                           int64_t rows, const double *bounds, const int64_t *kinds, double chord_error,
-                           double period, double *out);
+                           const double *tip_origin, int64_t n, const int64_t *index, int64_t intervals,
+                           const double *u, const double *rate, const double *acceleration, const double *duration,
+                           const double *advance, const double *powers, const double *digit, const double *stretch_end,
+                           const double *feed, const int64_t *points, int64_t rows, const double *bounds,
+                           const int64_t *kinds, double chord_error, double period, double *out);
 
 /* The highest of the equidistant values (parts + 1) of a share, with the peaks of the parabolas through three of them, less what
  * is granted, into top (1); returns whether a peak between them may be higher and decide.  For its test. */

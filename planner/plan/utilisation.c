@@ -11,14 +11,12 @@ enum { MOST_PARTS = 80 }; /* that an interval is cut into */
 static const double PARABOLA = 0.07;
 static const double PRECISE = 3e-7; /* as a share of a limit */
 
-/* What a row of spans is, see plan.h. */
-enum { DURATION, FIRST, LAST, STRETCH_END, DIGIT, FEED, POINTS };
-
 /* Everything that does not change from interval to interval. */
 typedef struct {
     const Pieces *axes, *tip; /* the same where all axes move the tip */
-    int64_t n, rows;
-    const double *quintic, *spans, *bounds;
+    int64_t intervals, rows;
+    const double *u, *rate, *acceleration, *duration, *advance, *powers, *digit, *stretch_end, *feed;
+    const double *bounds;
     const int64_t *kinds;
     double chord_error, period;
 } Task;
@@ -49,29 +47,50 @@ typedef struct {
     Point points[MOST_PARTS + 1];
 } Room;
 
+/* The quintics between the nodes; u is counted from the first one, as quintic_coefficients in law.py has it. */
+INLINE void put_quintic(const Task *task, const int64_t *i, Block *block)
+{
+    const double *const rate[LANES] = LANES_AT(task->rate, i, 1);
+    const double *const acceleration[LANES] = LANES_AT(task->acceleration, i, 1);
+    const double *const powers[LANES] = LANES_AT(task->powers, i, 1);
+    const double *const advances[LANES] = LANES_AT(task->advance, i, 1);
+    const int64_t n = task->intervals;
+    const Lanes h = block->duration, advance = LANES_OF(advances, 0), v0 = LANES_OF(rate, 0), v1 = LANES_OF(rate, 1);
+    const Lanes a0 = LANES_OF(acceleration, 0), a1 = LANES_OF(acceleration, 1);
+    /* The large common terms cancel here once, not in each coefficient. */
+    const Lanes rest = advance - h * (v0 + 0.5 * a0 * h), dv = (v1 - v0 - a0 * h) * h, da = (a1 - a0) * (h * h);
+    block->c[0] = block->first;
+    block->c[1] = v0;
+    block->c[2] = 0.5 * a0;
+    block->c[3] = (10.0 * rest - 4.0 * dv + 0.5 * da) / (Lanes)LANES_OF(powers, 0);
+    block->c[4] = (-15.0 * rest + 7.0 * dv - da) / (Lanes)LANES_OF(powers, n);
+    block->c[5] = (6.0 * rest - 3.0 * dv + 0.5 * da) / (Lanes)LANES_OF(powers, 2 * n);
+}
+
 /* Take the intervals from index[0] on, the last of them again in lanes that are left over. */
 INLINE void fill_block(const Task *task, const int64_t *index, const int64_t *parts, int64_t left, Block *block)
 {
-    const int64_t n = task->n;
-    const double *law[LANES], *span[LANES];
+    int64_t *const i = block->interval;
     block->most_parts = 0;
     for (int64_t l = 0; l < LANES; l++) {
         const int64_t at = l < left ? l : left - 1;
-        block->interval[l] = index[at];
+        i[l] = index[at];
         block->parts[l] = (double)parts[at];
         block->most_parts = parts[at] > block->most_parts ? parts[at] : block->most_parts;
-        law[l] = task->quintic + index[at];
-        span[l] = task->spans + index[at];
     }
-    for (int k = 0; k < 6; k++)
-        block->c[k] = (Lanes)LANES_OF(law, k * n);
-    block->duration = (Lanes)LANES_OF(span, DURATION * n);
-    block->first = (Lanes)LANES_OF(span, FIRST * n);
-    block->last = (Lanes)LANES_OF(span, LAST * n);
-    block->stretch_end = (Lanes)LANES_OF(span, STRETCH_END * n);
-    block->digit = (Lanes)LANES_OF(span, DIGIT * n);
-    block->feed = (Lanes)LANES_OF(span, FEED * n);
+    const double *const u[LANES] = LANES_AT(task->u, i, 1);
+    const double *const durations[LANES] = LANES_AT(task->duration, i, 1);
+    const double *const ends[LANES] = LANES_AT(task->stretch_end, i, 1);
+    const double *const digits[LANES] = LANES_AT(task->digit, i, 1);
+    const double *const feeds[LANES] = LANES_AT(task->feed, i, 1);
+    block->first = (Lanes)LANES_OF(u, 0);
+    block->last = (Lanes)LANES_OF(u, 1);
+    block->duration = (Lanes)LANES_OF(durations, 0);
+    block->stretch_end = (Lanes)LANES_OF(ends, 0);
+    block->digit = (Lanes)LANES_OF(digits, 0);
+    block->feed = (Lanes)LANES_OF(feeds, 0);
     block->most_backward = (Lanes){0.0};
+    put_quintic(task, i, block);
 }
 
 /* The law at part n of every interval, at the end of those that have fewer. */
@@ -240,24 +259,19 @@ INLINE void measure_block(const Task *task, Room *room, double *restrict out, Ma
     }
     for (int l = 0; l < LANES; l++) {
         for (int k = 0; k < 3; k++)
-            out[k * task->n + block->interval[l]] = found[k][l];
-        double *backward = &out[3 * task->n + block->interval[l]];
+            out[k * task->intervals + block->interval[l]] = found[k][l];
+        double *backward = &out[3 * task->intervals + block->interval[l]];
         *backward = larger(*backward, block->most_backward[l]);
     }
 }
 
-/* Measure all intervals, those in doubt again and again; pending, parts (n): scratch. */
-HOT static void measure(const Task *task, int64_t *restrict pending, int64_t *restrict parts, Room *room,
+/* Measure the n pending intervals, those in doubt again and again, cut into more parts. */
+HOT static void measure(const Task *task, int64_t n, int64_t *restrict pending, int64_t *restrict parts, Room *room,
                         double *restrict out)
 {
-    for (int64_t i = 0; i < task->n; i++) {
-        pending[i] = i;
-        parts[i] = (int64_t)task->spans[POINTS * task->n + i];
-        out[3 * task->n + i] = 0.0;
-    }
     Block *block = &room->block;
     memset(block, 0, sizeof *block);
-    for (int64_t left = task->n, kept = 0; left > 0; left = kept) {
+    for (int64_t left = n, kept = 0; left > 0; left = kept) {
         kept = 0;
         for (int64_t at = 0; at < left; at += LANES) {
             Mask doubtful;
@@ -276,20 +290,36 @@ int64_t utilisation_shares(int64_t pieces, int64_t dim, int64_t terms, const dou
                            const double *coefficients, int64_t rational, const uint8_t *resting, const double *origin,
                            int64_t tip_pieces, int64_t tip_dim, int64_t tip_terms, const double *tip_breaks,
                            const double *tip_coefficients, int64_t tip_rational, const uint8_t *tip_resting,
-                           const double *tip_origin, int64_t n, const double *quintic, const double *spans,
-                           int64_t rows, const double *bounds, const int64_t *kinds, double chord_error,
-                           double period, double *out)
+                           const double *tip_origin, int64_t n, const int64_t *index, int64_t intervals,
+                           const double *u, const double *rate, const double *acceleration, const double *duration,
+                           const double *advance, const double *powers, const double *digit, const double *stretch_end,
+                           const double *feed, const int64_t *points, int64_t rows, const double *bounds,
+                           const int64_t *kinds, double chord_error, double period, double *out)
 {
     const Pieces axes = {pieces, dim, terms, breaks, coefficients, origin, resting, rational != 0};
     const Pieces tip = {tip_pieces,       tip_dim,    tip_terms,   tip_breaks,
                         tip_coefficients, tip_origin, tip_resting, tip_rational != 0};
-    const Task task = {&axes, tip_coefficients == coefficients ? &axes : &tip, n, rows, quintic, spans, bounds, kinds,
-                       chord_error, period};
+    const Task task = {&axes,       tip_coefficients == coefficients ? &axes : &tip,
+                       intervals,   rows,
+                       u,           rate,
+                       acceleration, duration,
+                       advance,     powers,
+                       digit,       stretch_end,
+                       feed,        bounds,
+                       kinds,       chord_error,
+                       period};
     int64_t *pending = malloc((size_t)(2 * n) * sizeof *pending);
     Room *room = aligned_alloc(sizeof(Lanes), sizeof *room);
     const int64_t possible = pending && room && dim <= MOST_AXES;
-    if (possible)
-        measure(&task, pending, pending + n, room, out);
+    if (possible) {
+        int64_t *parts = pending + n;
+        for (int64_t k = 0; k < n; k++) {
+            pending[k] = index[k];
+            parts[k] = points[index[k]];
+            out[3 * intervals + index[k]] = 0.0;
+        }
+        measure(&task, n, pending, parts, room, out);
+    }
     free(pending);
     free(room);
     return possible;

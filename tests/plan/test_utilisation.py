@@ -1,6 +1,6 @@
 """How far a time law uses the limits between its nodes, against looking everywhere."""
 
-import importlib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,9 +14,11 @@ from planner import load_curve, load_limits
 from planner.compiled import core
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
-from planner.law import TimeLaw
+from planner.law import TimeLaw, quintic_coefficients
+from planner.machine.feed_limits import commanded_feed
+from planner.machine.limit_rows import limit_rows
 from planner.machine.limits import Limits
-from planner.plan.utilisation import _points, shares, utilisation
+from planner.plan.utilisation import _points, utilisation
 from planner.programs.path.smooth_path import program_path
 
 W = np.sqrt(0.5)
@@ -321,28 +323,46 @@ def test_beside_a_curvature_jump_half_of_the_jerk_is_the_steps():
     assert used[45:50] == pytest.approx(np.full(5, 0.8), rel=1e-3)
 
 
-def measured(curve, limits, law, monkeypatch):
-    """What goes into the compiled measurement of a law, and what comes out of it."""
-    calls = []
-
-    def kept(*arguments):
-        calls.append((arguments, shares(*arguments)))
-        return calls[-1][1].copy()
-
-    monkeypatch.setattr(importlib.import_module("planner.plan.utilisation"), "shares", kept)
-    utilisation(curve, limits, law)
-    return calls
-
-
-def by_reference(curve, quintic, spans, rows, kinds, chord_error, period):
-    out = np.empty((4, spans.shape[1]))
+def by_reference(curve, limits, law):
+    """The same measurement in plain Python, and the quintics it is of."""
+    i = np.flatnonzero(np.diff(law.t) > 0.0)
+    h, advance = np.diff(law.t)[i], np.diff(law.u)[i]
+    digit = np.finfo(float).eps * (np.abs(law.u[i + 1]) + np.abs(law.u_rate[i]) * law.t[i + 1])
+    if law.steps is not None:
+        (h, advance), digit = law.steps[:, i], 0.0 * digit
+    none = np.zeros(i.size)
+    with np.errstate(all="ignore"):
+        ends = ((none, advance), (law.u_rate[i], law.u_rate[i + 1]), (law.u_acceleration[i], law.u_acceleration[i + 1]))
+        quintic = quintic_coefficients(h, *zip(*ends, strict=True))
+    quintic[0] = law.u[i]
+    doubles = np.append(law.u[:-1][np.diff(law.t) == 0.0], law.u[-1])
+    first, last = law.u[i], law.u[i + 1]
+    end = doubles[np.searchsorted(doubles, last)]
+    feed = commanded_feed(curve, limits, 0.5 * (first + last))
+    spans = np.stack([h, first, last, end, digit, feed, _points(curve, law, np.diff(law.t))[i]])
+    rows, kinds = [], []
+    for row in limit_rows(limits):
+        bounds, weights = (row.bounds, np.multiply(row.weights, 1.0 / row.scale))
+        rows.append((*row.weights, row.lower, row.upper) if row.along else (*weights, *bounds))
+        kinds.append((row.motion, row.order - 1))
+    out = np.empty((4, i.size))
     axes, tip = (
         (part.breaks, part.coefficients, part.rational, part.resting, part.origin)
         for part in (curve.pieces, curve.tip.pieces)
     )
+    chords = limits.chord_error, limits.period
+    rows, kinds = np.array(rows).reshape(-1, 5), np.array(kinds).reshape(-1, 2)
     with np.errstate(all="ignore"):
-        reference.shares(axes, tip, curve.tip is curve, quintic, spans, rows, kinds, (chord_error, period), out)
-    return out
+        reference.shares(axes, tip, curve.tip is curve, quintic, spans, rows, kinds, chords, out)
+    every = np.zeros((4, law.t.size - 1))
+    every[:, i] = out
+    return every
+
+
+def measured(curve, limits, law):
+    with np.errstate(all="ignore"):
+        used = utilisation(curve, limits, law)
+    return np.stack([used.speed, used.acceleration, used.jerk, used.backward])
 
 
 MEASURED = {
@@ -358,45 +378,45 @@ MEASURED = {
 }
 
 
+@pytest.mark.parametrize("steps", [False, True])
 @pytest.mark.parametrize("case", MEASURED)
-def test_the_compiled_measurement_has_the_bits_of_the_plain_one(case, monkeypatch):
+def test_the_compiled_measurement_has_the_bits_of_the_plain_one(case, steps):
     make, limits, nodes = MEASURED[case]
     curve = make()
-    calls = measured(curve, limits, random_law(curve, 1, nodes), monkeypatch)
-    assert calls
-    for arguments, found in calls:
-        np.testing.assert_array_equal(found, by_reference(*arguments))
+    law = random_law(curve, 1, nodes)
+    if steps:
+        law = replace(law, steps=np.stack([np.diff(law.t), np.diff(law.u)]))
+    np.testing.assert_array_equal(measured(curve, limits, law), by_reference(curve, limits, law))
 
 
-def test_the_bits_are_those_of_the_plain_one_where_the_tip_has_pieces_of_its_own(monkeypatch):
+def test_the_bits_are_those_of_the_plain_one_where_the_tip_has_pieces_of_its_own():
     curve, limits = load_curve("flank"), load_limits("five-axis")
-    ((arguments, found),) = measured(curve, limits, random_law(curve, 2, 25), monkeypatch)
-    assert arguments[0].tip.pieces.breaks.size != curve.pieces.breaks.size
-    np.testing.assert_array_equal(found, by_reference(*arguments))
+    assert curve.tip.pieces.breaks.size != curve.pieces.breaks.size
+    law = random_law(curve, 2, 25)
+    np.testing.assert_array_equal(measured(curve, limits, law), by_reference(curve, limits, law))
 
 
-def test_what_is_not_a_number_is_measured_like_the_plain_one(monkeypatch):
-    """A tip that rests, an interval that begins at the end of its stretch, and a law of nan."""
+def test_what_is_not_a_number_is_measured_like_the_plain_one():
+    """A tip that rests, intervals that end with their stretch, and a law of nan and inf."""
     points = [[0.0, 0.0, 0.0], [10.0, 0.0, 0.1], [10.0, 0.0, 0.2], [20.0, 5.0, 0.3]]
     curve = NurbsCurve(points, [0, 0, 1, 2, 3, 3], 1, axes=["X", "Y", "A"])
     limits = Limits(100.0, [250, 250, 0.1], [1000, 1000, 10], [2e4, 2e4, 200], 1e-3, axes=["X", "Y", "A"])
     u = np.linspace(0.0, 3.0, 13)
     rate = np.ones(13)
     rate[[5, 11]] = np.nan, np.inf
-    with np.errstate(all="ignore"):
-        ((arguments, found),) = measured(curve, limits, TimeLaw(u, u, rate, 0.0 * u), monkeypatch)
-    assert not np.isfinite(arguments[1]).all()
-    np.testing.assert_array_equal(found, by_reference(*arguments))
+    law = TimeLaw(u, u, rate, 0.0 * u)
+    np.testing.assert_array_equal(measured(curve, limits, law), by_reference(curve, limits, law))
 
 
-def test_a_parabola_of_the_other_side_would_be_seen(monkeypatch):
-    """The planted defect: with the peak's bend of the wrong sign the plain measurement is another one."""
-    curve = CURVES["formula"]()
-    ((arguments, found),) = measured(curve, drives(**EVERY_LIMIT), random_law(curve, 1, 30), monkeypatch)
-    monkeypatch.setattr(reference, "_PARABOLA", -reference._PARABOLA)
-    fewer = by_reference(*arguments)
-    monkeypatch.undo()
-    original = reference.peak
-    monkeypatch.setattr(reference, "peak", lambda values, points, granted: original(-values, points, granted))
-    assert not np.array_equal(found, by_reference(*arguments))
-    assert (fewer <= found).all()
+def test_a_planted_defect_is_another_measurement(monkeypatch):
+    """With the parabolas left out, with no doubt, or with a point less the bits differ: the comparison sees one term."""
+    curve, limits, peak = random_nurbs(5, 3, 2), drives(**EVERY_LIMIT), reference.peak
+    changes = {
+        30: lambda values, points, granted: (values[: points + 1].max() - granted, peak(values, points, granted)[1]),
+        12: lambda values, points, granted: (peak(values, points, granted)[0], False),
+        3: lambda values, points, granted: peak(values, points - 1, granted),
+    }
+    for nodes, changed in changes.items():
+        law = random_law(curve, 1, nodes)
+        monkeypatch.setattr(reference, "peak", changed)
+        assert not np.array_equal(measured(curve, limits, law), by_reference(curve, limits, law))
