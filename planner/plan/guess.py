@@ -12,13 +12,14 @@ may stand before rounding makes their jerk.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache, cached_property
 
 import numpy as np
 
 from planner.compiled import core
 from planner.errors import CurveError, InfeasibleError
-from planner.geometry.differential import arc_derivatives, curvature, dot
-from planner.machine.feed_limits import chord_feed_limit, commanded_feed
+from planner.geometry.differential import arc_derivatives, dot, norm
+from planner.machine.feed_limits import commanded_feed
 from planner.machine.limits import Limits
 from planner.plan.ends import Feed, feed_at
 from planner.plan.jumps import passable
@@ -66,7 +67,7 @@ class FeedGuess:
     u: FloatArray
     dips: Dips
 
-    @property
+    @cached_property
     def time(self) -> FloatArray:
         """Accumulated time at the samples, s."""
         mean = 0.5 * (self.feed[1:] + self.feed[:-1])
@@ -76,6 +77,17 @@ class FeedGuess:
     def duration(self) -> float:
         """Of the guess, s."""
         return float(self.time[-1])
+
+    @cached_property
+    def resolved(self) -> float:
+        """Number of intervals that rounding leaves, inf where it has no part, nan where the limits leave no feed."""
+        least = least_times(self, _ROUNDING_SHARE)
+        per_node = 0.5 * (least[1:] + least[:-1])
+        some = per_node > 0.0
+        if not some.any():
+            return np.inf
+        count = float(np.sum(np.diff(self.time)[some] / (2.0 * per_node[some])))
+        return count if np.isfinite(count) else np.nan
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,23 +109,21 @@ def guess_feed(section: Section, limits: Limits, intervals: int, *, follow: bool
     count = max(_MIN_SCAN, min(_SCAN_PER_INTERVAL * intervals, intervals + _MANY))
     y = np.linspace(section.y_start, section.y_end, count + 1)
     # The ends need closer samples, or a start that is short against the path is stepped over.
-    near = (section.y_end - section.y_start) * np.geomspace(1e-9, 0.5 / count, 48)
+    near = (section.y_end - section.y_start) * _nearer(count)
     dips = _dips(section, limits, weights)
     close = _close_to(dips, (section.y_end - section.y_start) / count)
     close = close[(close > section.y_start) & (close < section.y_end)]
     breaks = section.coordinate(breaks_inside(section))
     inside = _inside_short(np.concatenate([[section.y_start], breaks, [section.y_end]]), y[1] - y[0])
-    y = np.unique(np.concatenate([y, section.y_start + near, section.y_end - near, breaks, inside, close]))
+    y = _increasing(np.concatenate([y, section.y_start + near, section.y_end - near, breaks, inside, close]))
     u = section.parameter(y)
     if follow:
         more = resolved(curve, weights, np.unique(u))
         y = np.unique(np.concatenate([y, np.clip(section.coordinate(more), y[0], y[-1])]))
         u = section.parameter(y)
     q = evaluate(curve, u, u >= section.u_end)
-    scaled = q.copy()
-    scaled[1:] *= weights
-    arc = arc_derivatives(scaled)
-    speed = np.sqrt(dot(scaled[1], scaled[1]))
+    tip = q if curve.tip is curve else evaluate(curve.tip, u, u >= section.u_end)
+    speed = norm(q[1] * weights)
     # Not differences of its sum: next to a place where |C'| nearly vanishes these are nothing but rounding.
     way = 0.5 * (speed[1:] + speed[:-1]) * np.diff(u)
     length = np.concatenate([[0.0], np.cumsum(way)])
@@ -121,27 +131,35 @@ def guess_feed(section: Section, limits: Limits, intervals: int, *, follow: bool
     # a sample on a step of the cap takes the lower side
     commanded = np.minimum(commanded_feed(curve, limits, u), commanded_feed(curve, limits, u, True))
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        # fmin passes over the 0/0 of an axis that neither moves nor has a limit
-        ceiling = np.fmin.reduce(weights * limits.velocity / np.abs(arc[1]), axis=1)
-        ceiling = np.fmin(ceiling, np.sqrt(np.fmin.reduce(accelerations / np.abs(arc[2]), axis=1)))
-        ceiling = np.fmin(ceiling, np.cbrt(np.fmin.reduce(jerks / np.abs(arc[3]), axis=1)))
-        tip = q if curve.tip is curve else evaluate(curve.tip, u, u >= section.u_end)
-        ratio = np.sqrt(dot(tip[1], tip[1])) / speed
-        feed = np.fmin(commanded, chord_feed_limit(curvature(tip), limits))
-        ceiling = np.fmin(ceiling, np.where(ratio > 0.0, feed / ratio, np.inf))
-        acceleration = np.fmin.reduce(accelerations / np.abs(arc[1]), axis=1)
-        acceleration = np.fmin(acceleration, np.where(ratio > 0.0, limits.tangential_acceleration / ratio, np.inf))
-        jerk = np.fmin.reduce(jerks / np.abs(arc[1]), axis=1)
-        jerk = np.fmin(jerk, np.where(ratio > 0.0, limits.tangential_jerk / ratio, np.inf))
+        ratio = norm(tip[1]) / speed
+        rows = np.empty((5, u.size))
+        core.guess_ceiling(
+            *(u.size, curve.dim, tip.shape[2], q, tip, weights, speed, speed**3, ratio),
+            *(weights * limits.velocity, accelerations, jerks, commanded, limits.chord_error, limits.period),
+            *(limits.tangential_acceleration, limits.tangential_jerk, rows),
+        )
+        ceiling, by_jerk, acceleration, jerk, kappa = rows
+        ceiling = np.fmin(ceiling, np.cbrt(by_jerk))
     at = np.searchsorted(y, dips.y)
     ceiling[at] = np.minimum(ceiling[at], dips.feed)
-    kappa = np.sqrt(dot(arc[2], arc[2]))
     per_tip_feed = np.divide(1.0, ratio, out=np.full_like(ratio, np.inf), where=ratio > 0.0)
     feed = _reachable(section, ceiling, way, acceleration, jerk, per_tip_feed)
     _require_feed(section, u, feed, speed)
     found = FeedGuess(y, length, feed, ceiling, _accumulate(kappa, length), acceleration, jerk, speed, u, dips)
     _require_digits(section, found)
     return found
+
+
+@cache
+def _nearer(count: int) -> FloatArray:
+    """Distances from an end, as shares of the whole, of samples that are closer than those of so many intervals."""
+    return np.geomspace(1e-9, 0.5 / count, 48)
+
+
+def _increasing(values: FloatArray) -> FloatArray:
+    """The different ones among values, in their order; as np.unique, which takes three times as long for a thousand."""
+    values.sort()
+    return values[np.append(True, values[1:] != values[:-1])]
 
 
 def _require_feed(section: Section, u: FloatArray, feed: FloatArray, speed: FloatArray) -> None:
@@ -159,7 +177,7 @@ def _require_digits(section: Section, guess: FeedGuess) -> None:
     digit = np.spacing(np.abs(guess.u)) * guess.speed
     at = int(digit.argmax())
     share = digit[at] / guess.length[-1]
-    if share > _MAX_DIGIT or _resolved(guess) < _MIN_RESOLVED:
+    if share > _MAX_DIGIT or guess.resolved < _MIN_RESOLVED:
         raise CurveError(
             f"{section.curve.name}: a digit of u is worth {share:.2g} of the path between u = {section.u_start!r} and "
             f"{section.u_end!r}, too much for a plan at these limits; let the parameter begin near 0, or spread it more "
@@ -173,6 +191,8 @@ def _dips(section: Section, limits: Limits, weights: FloatArray) -> Dips:
     ends = ((section.u_start, section.start), (section.u_end, section.end))
     feeds = [(u, end.feed) for u, end in ends if isinstance(end, Feed)]
     u = np.array([*(b.u for b in section.jumps), *(u for u, _ in feeds)])
+    if u.size == 0:
+        return Dips(u, u, u)
     sides = [curve.derivatives(u, 3, side=side) for side in ("left", "right")]
     for d in sides:
         d[1:] *= weights
@@ -198,6 +218,8 @@ def _inside_short(edges: FloatArray, spacing: float) -> FloatArray:
     """
     width = np.diff(edges)
     short = np.flatnonzero((width > 0.0) & (width < _SCAN_PER_STRETCH * spacing))
+    if short.size == 0:
+        return np.empty(0)
     share = np.arange(1, _SCAN_PER_STRETCH) / _SCAN_PER_STRETCH
     inside = edges[short, None] + width[short, None] * share
     reach = width[short, None] * 2.0 ** np.arange(_GRADED)
@@ -271,8 +293,8 @@ def _reachable(
         if not finite.any():
             continue
         bounded = np.where(finite, rate, rate[finite].max())
-        raised = _grown(share**power, _steps(bounded, way, share**power))
-        share = raised ** (1.0 / power)
+        raised = share**power
+        share = _grown(raised, _steps(bounded, way, raised)) ** (1.0 / power)
     feed = share * top
     if not np.isfinite(feed).all():
         raise InfeasibleError(
@@ -297,24 +319,13 @@ def resolvable(guess: FeedGuess) -> int:
 
     See :func:`least_times`.
     """
-    count = _resolved(guess)
+    count = guess.resolved
     if np.isnan(count):
         raise InfeasibleError(
             "the limits leave no feed that can be told from 0 on some of the path; a period, a chord error, a velocity, an "
             "acceleration or a jerk is too small or too large for it by many orders of magnitude"
         )
     return int(np.clip(count, _MIN_RESOLVABLE, 1e9))
-
-
-def _resolved(guess: FeedGuess) -> float:
-    """Number of intervals that rounding leaves, inf where it has no part, nan where the limits leave no feed."""
-    least = least_times(guess, _ROUNDING_SHARE)
-    per_node = 0.5 * (least[1:] + least[:-1])
-    some = per_node > 0.0
-    if not some.any():
-        return np.inf
-    count = float(np.sum(np.diff(guess.time)[some] / (2.0 * per_node[some])))
-    return count if np.isfinite(count) else np.nan
 
 
 def breaks_inside(section: Section) -> FloatArray:

@@ -29,6 +29,18 @@ int64_t utilisation_shares(int64_t pieces, int64_t dim, int64_t terms, const dou
  * is granted, into top (1); returns whether a peak between them may be higher and decide.  For its test. */
 int64_t utilisation_peak(int64_t parts, const double *values, double granted, double *top);
 
+/* What limits the speed at n points, where all is seen along the weighted arc length of the axes: into found (5, n) the feed that
+ * every velocity, acceleration by the curvature, feed and chord error allows, and the cube of that by jerk alone; the tangential
+ * acceleration and jerk that the axes allow; the curvature.  inf where nothing limits.
+ *
+ * q (4, n, dim) and tip (4, n, tip_dim): derivatives of axes and tip over the parameter; weights (dim) of the axes; speed (n) of
+ * the weighted arc length over it, and its cube (n); along (n): speed of the tip over that.  velocity, acceleration, jerk (dim)
+ * are limits times weights; feed (n) is commanded; chord_error may be inf. */
+void guess_ceiling(int64_t n, int64_t dim, int64_t tip_dim, const double *q, const double *tip, const double *weights,
+                   const double *speed, const double *cube, const double *along, const double *velocity,
+                   const double *acceleration, const double *jerk, const double *feed, double chord_error,
+                   double period, double tangential_acceleration, double tangential_jerk, double *found);
+
 /* Lower each of n values to at most either neighbour's plus the step (n - 1) between them; one by one, for sums over all steps
  * would swamp the small ones. */
 void guess_limit_growth(int64_t n, double *values, const double *steps);
