@@ -7,7 +7,8 @@ spindle, so the axes follow from P and the unit tool axis O = (H - P)/|H - P| by
     [X Y Z]' = [[cosC, -sinC, 0], [cosA sinC, cosA cosC, -sinA], [sinA sinC, sinA cosC, cosA]] P
 
 (Ma, Yuan, Shen, Gao, J. Computational Design and Engineering 9 (2022) 2355-2374, section 4.3).  The splines' own
-derivatives enter a CasADi expression of that map as Taylor coefficients, which gives exact axis derivatives.
+derivatives enter a tape of that map, which gives exact axis derivatives.  Sines and cosines of A and C are ratios of the
+coordinates of O, so that only the angles themselves need a function.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from planner.errors import CurveError
 from planner.geometry.curve import Curve, Pieces, golden_minimum, require_regular
 from planner.geometry.fit import fit_pieces
 from planner.geometry.nurbs import NurbsCurve
-from planner.geometry.tape import Tape
+from planner.geometry.tape import Operation, Recorder, Tape
 from planner.types import BoolArray, FloatArray
 
 _POLE_TOLERANCE = 1e-9  # sin A below this: C has no direction
@@ -112,8 +113,7 @@ class DualSplineCurve(Curve):
 
     def _evaluate(self, u: FloatArray, order: int, left: BoolArray) -> FloatArray:
         splines = [spline._evaluate(u, 3, left) for spline in (self.bottom, self.top)]
-        taylor = np.concatenate([d.T for spline in splines for d in spline])
-        out = _machine_axes()(taylor, order + 1)
+        out = _machine_axes()(np.concatenate(splines, axis=2), order)
         near = np.interp(u, self._scan[0], self._unwrapped)
         out[0, :, 4] += 2.0 * np.pi * np.round((near - out[0, :, 4]) / (2.0 * np.pi))
         return out
@@ -125,29 +125,20 @@ class DualSplineCurve(Curve):
 
 @cache
 def _machine_axes() -> Tape:
-    """Map the splines' derivatives 0..3, (24,), to the axes' derivatives 0..3, (5,) each."""
-    import casadi
-
-    inputs = casadi.SX.sym("taylor", 24)
-    h = casadi.SX.sym("h")
-
-    def spline(first: int) -> Any:
-        c = [inputs[first + 3 * k : first + 3 * k + 3] for k in range(4)]
-        return c[0] + h * (c[1] + h * (c[2] / 2 + h * c[3] / 6))
-
-    p, axis = spline(0), spline(12) - spline(0)
-    a = casadi.atan2(casadi.sqrt(axis[0] ** 2 + axis[1] ** 2), axis[2])
-    c = casadi.atan2(axis[0], axis[1])
-    sin_a, cos_a, sin_c, cos_c = casadi.sin(a), casadi.cos(a), casadi.sin(c), casadi.cos(c)
-    derivatives = [
-        casadi.vertcat(
+    """Map points on both splines, (6,), to the axes, (5,)."""
+    recorder = Recorder(6)
+    p, h = ([recorder.input(3 * k + j) for j in range(3)] for k in range(2))
+    axis = [h[j] - p[j] for j in range(3)]
+    across = recorder.function(Operation.SQRT, axis[0] ** 2 + axis[1] ** 2)
+    length = recorder.function(Operation.SQRT, axis[0] ** 2 + axis[1] ** 2 + axis[2] ** 2)
+    sin_a, cos_a, sin_c, cos_c = across / length, axis[2] / length, axis[0] / across, axis[1] / across
+    turned = sin_c * p[0] + cos_c * p[1]
+    return recorder.tape(
+        [
             cos_c * p[0] - sin_c * p[1],
-            cos_a * sin_c * p[0] + cos_a * cos_c * p[1] - sin_a * p[2],
-            sin_a * sin_c * p[0] + sin_a * cos_c * p[1] + cos_a * p[2],
-            a,
-            c,
-        )
-    ]
-    for _ in range(3):
-        derivatives.append(casadi.jacobian(derivatives[-1], h))
-    return Tape.record(inputs, [casadi.substitute(d, h, 0.0) for d in derivatives])
+            cos_a * turned - sin_a * p[2],
+            sin_a * turned + cos_a * p[2],
+            recorder.function(Operation.ATAN2, across, axis[2]),
+            recorder.function(Operation.ATAN2, axis[0], axis[1]),
+        ]
+    )

@@ -1,8 +1,8 @@
-"""Curves given by expressions, with exact derivatives by CasADi.
+"""Curves given by expressions, with exact derivatives.
 
-An expression is parsed into Python's syntax tree and rebuilt node by node as a CasADi expression.  Only numbers, the
-parameter, ``pi``, ``e``, the operators ``+ - * / **`` and the functions of :data:`FUNCTIONS` exist in that small
-language; nothing is ever executed as Python.
+An expression is parsed into Python's syntax tree and recorded node by node on a tape, which knows how to differentiate.
+Only numbers, the parameter, ``pi``, ``e``, the operators ``+ - * / **`` and the functions of :data:`FUNCTIONS` exist in
+that small language; nothing is ever executed as Python.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import numpy as np
 from planner.errors import CurveError
 from planner.geometry.curve import ROTARY_AXES, Curve, Pieces, axis_names, require_regular
 from planner.geometry.fit import fit_pieces
-from planner.geometry.tape import Tape
+from planner.geometry.tape import Expression, Operation, Recorder, Tape
 from planner.inputs import numbers, positive_number, shorten
 from planner.types import BoolArray, FloatArray
 
@@ -92,21 +92,19 @@ class FormulaCurve(Curve):
 
     @cached_property
     def _tape(self) -> Tape:
-        """Position and three derivatives as instructions."""
-        import casadi
-
-        u = casadi.SX.sym(self.parameter)
+        """The position as instructions."""
+        recorder = Recorder(1)
+        names = {self.parameter: recorder.input(0)}
         rows = []
         for axis, text in self.expressions.items():
-            factor = 1.0 if axis in ROTARY_AXES else self.scale
-            rows.append(factor * parse_expression(text, {self.parameter: u}, f"{self.name}: {axis.lower()}"))
-        derivatives = [casadi.vertcat(*rows)]
-        for _ in range(3):
-            derivatives.append(casadi.jacobian(derivatives[-1], u))
-        return Tape.record(u, derivatives)
+            value = parse_expression(text, recorder, names, f"{self.name}: {axis.lower()}")
+            rows.append(value if axis in ROTARY_AXES else self.scale * value)
+        return recorder.tape(rows)
 
     def _evaluate(self, u: FloatArray, order: int, left: BoolArray) -> FloatArray:
-        return self._tape(u[None, :], order + 1)
+        values = np.zeros((4, u.size, 1))
+        values[0, :, 0], values[1] = u, 1.0
+        return self._tape(values, order)
 
     @cached_property
     def pieces(self) -> Pieces:
@@ -124,8 +122,8 @@ class FormulaCurve(Curve):
         }
 
 
-def parse_expression(text: str, names: Mapping[str, Any], where: str) -> Any:
-    """Build the CasADi value of an expression over the given names.
+def parse_expression(text: str, recorder: Recorder, names: Mapping[str, Expression], where: str) -> Expression:
+    """Record the value of an expression over the given names.
 
     Raises
     ------
@@ -140,7 +138,7 @@ def parse_expression(text: str, names: Mapping[str, Any], where: str) -> Any:
     if "#" in source:
         raise CurveError(f'{where} = "{shorten(text)}" must not contain a comment')
     try:
-        return _Reader(source, names, where).value(ast.parse(source, mode="eval").body)
+        return _Reader(source, recorder, names, where).value(ast.parse(source, mode="eval").body)
     except CurveError:
         raise
     except (RecursionError, MemoryError):
@@ -157,43 +155,41 @@ def parse_constant(value: Any, where: str) -> float:
             return float(value)
         except OverflowError:
             raise CurveError(f"{where} = {shorten(str(value))} exceeds the range of double precision") from None
-    import casadi
-
-    return float(casadi.evalf(parse_expression(value, {}, where)))
+    constant = parse_expression(value, Recorder(0), {}, where).constant
+    return np.nan if constant is None else constant
 
 
 @dataclass(frozen=True)
 class _Reader:
-    """Turns the syntax tree of one expression into a CasADi value; whatever it does not know is refused."""
+    """Records the syntax tree of one expression; whatever it does not know is refused."""
 
     source: str
-    names: Mapping[str, Any]
+    recorder: Recorder
+    names: Mapping[str, Expression]
     where: str
 
-    def value(self, node: ast.expr) -> Any:
-        import casadi
-
+    def value(self, node: ast.expr) -> Expression:
         match node:
             case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
-                return casadi.SX(float(number))
-            case ast.Name(id=name) if name in self.names:
-                return self.names[name]
-            case ast.Name(id=name) if name in _CONSTANTS:
-                return casadi.SX(_CONSTANTS[name])
+                return self.recorder.expression(float(number))
+            case ast.Name(id=name) if name in self.names or name in _CONSTANTS:
+                return self.names[name] if name in self.names else self.recorder.expression(_CONSTANTS[name])
             case ast.UnaryOp(op=ast.USub() | ast.UAdd() as sign, operand=inner):
                 return self.value(inner) if isinstance(sign, ast.UAdd) else -self.value(inner)
             case ast.BinOp(op=operation) if type(operation) in _OPERATORS:
                 return self._chain(node)
             case ast.Call(func=ast.Name(id=name), args=args, keywords=[]) if len(args) == _ARGUMENTS.get(name):
                 values = [self.value(argument) for argument in args]
-                return values[0] ** values[1] if name == "pow" else getattr(casadi, name)(*values)
+                if name != "pow":
+                    return self.recorder.function(Operation[name.upper()], *values)
+                return values[0] ** values[1]
         part = ast.get_source_segment(self.source, node) or self.source
         raise CurveError(
             f'{self.where}: "{shorten(part)}" is not allowed in an expression; allowed are numbers, '
             f"{', '.join([*self.names, *_CONSTANTS])}, + - * / **, and the functions {', '.join(FUNCTIONS)}"
         )
 
-    def _chain(self, node: ast.BinOp) -> Any:
+    def _chain(self, node: ast.BinOp) -> Expression:
         """A chain of operators: its left operands nest as deep as a sum has terms, so they are taken in a loop."""
         chain: list[ast.BinOp] = []
         inner: ast.expr = node

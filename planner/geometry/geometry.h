@@ -22,6 +22,13 @@ void arclength_inverse(int64_t panels, int64_t terms, int64_t speed_terms, const
                        const double *series, const double *speeds, int64_t n, const double *s, int64_t left,
                        double *out);
 
+/* Run the steps of a tape, code (steps, 4): what to do, the slots of two operands, that of the result, which is none of these.
+ * Slots: the inputs, the constants, and what the steps make; row (rows): those of the results.  in (4, n, inputs): values and
+ * derivatives 1..3 with respect to a parameter, of which only the values are read if order is 0; out (order + 1, n, rows).
+ * work: 128 numbers for each slot. */
+void tape_run(int64_t steps, const int32_t *code, int64_t inputs, int64_t constants, const double *constant,
+              int64_t rows, const int32_t *row, int64_t n, int64_t order, const double *in, double *out, double *work);
+
 /* Tabulate the inverse of a blend's arc length: the Chebyshev series (panels, 12) of tau over the share of the length, on panels
  * between edges (panels + 1) within 0 .. 1, as narrow as it takes for rounding to be all that is left out.  Returns how many
  * panels there are; -1 if more than room.  lengths (terms) and speeds (speed_terms): Chebyshev series of the length, and of its

@@ -126,7 +126,7 @@ def machine_caps(programmed: FeedCaps, limits: Limits) -> FeedCaps:
 def feed_under(motion: Motion, scan: Scan, caps: FeedCaps, density: int) -> tuple[float, float, Place]:
     """Feed that uses most of what caps allow: value, cap and place.
 
-    The scan kept the highest feed of each span; points are looked at again only where the cap changes within one.
+    The scan kept the highest feed of each span; only where the cap changes within a span are its points looked at again.
     """
     found = (0.0, np.inf, (0.0, 0.0))
     low, high = np.sort(motion.u_ends, axis=0)
