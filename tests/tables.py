@@ -7,7 +7,6 @@ import numpy as np
 from interp import stepping
 from interp.stepping import State
 
-
 EXACT_PERIOD = 2.0**-10  # s
 
 

@@ -21,7 +21,7 @@ from planner.types import FloatArray
 _ORDERS = 4  # a value and three derivatives
 _BLOCK = 32  # points that the compiled code works on at once
 # Whole powers up to this one are products, exact and cheap where the power function is neither.
-_MOST_FACTORS = 8
+_MAX_FACTORS = 8
 
 
 class Operation(IntEnum):
@@ -198,7 +198,7 @@ class Recorder:
             return self._noted((Operation.POWER_OF, a.node, b.node))
         if exponent == 0.0:
             return self.expression(1.0)
-        if exponent != round(exponent) or abs(exponent) > _MOST_FACTORS:
+        if exponent != round(exponent) or abs(exponent) > _MAX_FACTORS:
             return self._noted((Operation.POWER, a.node, b.node))
         return (
             self._product(a, int(exponent))
