@@ -12,7 +12,7 @@ from __future__ import annotations
 import ctypes
 import re
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +30,7 @@ _TYPES: dict[str, tuple[Any, tuple[np.dtype[Any], ...]]] = {
     "int32_t": (ctypes.c_int32, (np.dtype(np.int32),)),
     "uint8_t": (ctypes.c_uint8, (np.dtype(np.uint8), np.dtype(np.bool_))),
 }
+_NOTHING = ctypes.c_char * 0
 _COMMENT = re.compile(r"/\*.*?\*/|//[^\n]*|^[ \t]*#[^\n]*", re.DOTALL | re.MULTILINE)
 _PROTOTYPE = re.compile(r"(\w+)\s+(\w+)\s*\(([^()]*)\)\s*;")
 _PARAMETER = re.compile(r"(const\s+)?(\w+)\s*(\*)?\s*(?:restrict\s+)?(\w+)\Z")
@@ -42,6 +43,12 @@ def prototypes(header: str) -> dict[str, tuple[str, list[str]]]:
         parameters = [] if inside.strip() == "void" else [" ".join(part.split()) for part in inside.split(",")]
         found[name] = (returned, parameters)
     return found
+
+
+class _Bound(partial[Any]):
+    """A call with its arguments converted; it keeps the arrays alive of which it has the addresses."""
+
+    held: tuple[Any, ...]
 
 
 class Function:
@@ -69,11 +76,10 @@ class Function:
 
     def bind(self, *arguments: Any) -> Callable[[], Any]:
         """The call with these arguments, converted once: what changes from call to call stands in the arrays."""
-        call, converted = self._call, self._converted(arguments)
-
-        def bound(_held: tuple[Any, ...] = arguments) -> Any:
-            return call(*converted)
-
+        types = self._call.argtypes
+        converted = [c_type(value) for c_type, value in zip(types, self._converted(arguments), strict=True)]
+        bound = _Bound(self._call, *converted)
+        bound.held = arguments
         return bound
 
     def _converted(self, arguments: tuple[Any, ...]) -> list[Any]:
@@ -91,6 +97,9 @@ class Function:
         flags = array.flags
         if not flags.c_contiguous or (written and not flags.writeable):
             raise TypeError(f"{self.name}: {name} must be contiguous{' and writable' * written}")
+        # numpy's own ways to the address take several times as long, but serve arrays that must not be written, too.
+        if flags.writeable:
+            return ctypes.addressof(_NOTHING.from_buffer(array.data))
         return int(array.__array_interface__["data"][0])
 
 
