@@ -36,7 +36,7 @@ class State(np.ndarray[tuple[int], np.dtype[np.float64]]):
     the time since a segment began is exact to rounding however long the plan is.
 
     To convert arrays to what compiled code takes costs more than the step: the first one keeps its call here, with the
-    arrays it was made for.  Copies and views begin without.
+    arrays it was made for.  Copies and views begin without; any other array will do as a state, but pays that every time.
     """
 
     quintic: tuple[Any, Any, Callable[[], int]] = (None, None, int)
@@ -60,12 +60,14 @@ def quintic_step(segments: FloatArray, pieces: FloatArray, state: FloatArray) ->
     InputError
         If the state was made for another table.
     """
-    own = state if isinstance(state, State) else state.view(State)
-    first, second, call = own.quintic
+    if not isinstance(state, State):
+        _require_match(segments, _SEGMENT_WIDTH, pieces, state)
+        return bool(core.quintic_step(segments, pieces, state))
+    first, second, call = state.quintic
     if first is not segments or second is not pieces:
-        _require_match(segments, _SEGMENT_WIDTH, pieces, own)
-        call = core.quintic_step.bind(segments, pieces, own)
-        own.quintic = segments, pieces, call
+        _require_match(segments, _SEGMENT_WIDTH, pieces, state)
+        call = core.quintic_step.bind(segments, pieces, state)
+        state.quintic = segments, pieces, call
     return call() != 0
 
 
@@ -95,15 +97,22 @@ def taylor_step(order: int, feed: FloatArray, pieces: FloatArray, state: FloatAr
     InputError
         If the order is another one, or the state was made for another table.
     """
-    own = state if isinstance(state, State) else state.view(State)
-    first, second, third, call = own.taylor
+    if not isinstance(state, State):
+        _require_order(order)
+        _require_match(feed, _FEED_WIDTH, pieces, state)
+        return bool(core.taylor_step(order, feed, pieces, state))
+    first, second, third, call = state.taylor
     if first is not feed or second is not pieces or third != order:
-        if order not in (1, 2, 3):
-            raise InputError(f"order = {order!r} must be 1, 2 or 3")
-        _require_match(feed, _FEED_WIDTH, pieces, own)
-        call = core.taylor_step.bind(order, feed, pieces, own)
-        own.taylor = feed, pieces, order, call
+        _require_order(order)
+        _require_match(feed, _FEED_WIDTH, pieces, state)
+        call = core.taylor_step.bind(order, feed, pieces, state)
+        state.taylor = feed, pieces, order, call
     return call() != 0
+
+
+def _require_order(order: int) -> None:
+    if order not in (1, 2, 3):
+        raise InputError(f"order = {order!r} must be 1, 2 or 3")
 
 
 def _require_match(table: FloatArray, width: int, pieces: FloatArray, state: FloatArray) -> None:

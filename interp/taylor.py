@@ -189,7 +189,7 @@ def start(table: InterpolatorTable | TaylorTable, period: float, *, first: int =
     state[stepping.DIM], state[stepping.ROWS], state[stepping.POWERS] = table.dim, *table.pieces.shape[1:]
     state[stepping.END :] = table.ends[::-1].reshape(-1)
     if first > 0 and isinstance(table, InterpolatorTable):
-        quintic_step(*table.arrays, state)
+        core.quintic_step(*table.arrays, state)
     return state
 
 

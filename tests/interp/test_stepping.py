@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import gc
 import re
 import shutil
 import subprocess
+import weakref
+from functools import partial
 
 import numpy as np
 import pytest
@@ -151,10 +154,23 @@ def test_a_state_follows_the_arrays_it_is_given(plan):
         taylor_step(order, *taylor.arrays, first)
         taylor_step(3, *taylor.arrays, third)
     assert first[stepping.U] != third[stepping.U]
-    plain_array = np.array(start(table, 1e-3))
-    assert type(plain_array) is np.ndarray
-    quintic_step(*table.arrays, plain_array)
-    assert plain_array[stepping.SAMPLE] == 1.0
+    for current, take in ((table, quintic_step), (taylor, partial(taylor_step, 2))):
+        kept, any_array = start(current, 1e-3), np.array(start(current, 1e-3))
+        assert type(any_array) is np.ndarray
+        for _ in range(3):
+            assert not take(*current.arrays, kept)
+            assert not take(*current.arrays, any_array)
+        assert same_bits(any_array, kept)
+
+
+def test_a_state_is_gone_when_nobody_has_it(plan):
+    table = InterpolatorTable.from_profile(plan)
+    state = start(table, 1e-3)
+    seen = weakref.ref(state)
+    quintic_step(*table.arrays, state)
+    del state
+    gc.collect()
+    assert seen() is None
 
 
 # ---- in a controller -----------------------------------------------------------------------------------------------
