@@ -40,7 +40,7 @@ ELSEWHERE = {
     "plan/solvers/test_scurve.py": tuple(
         f"planner.plan.solvers.{name}" for name in ("arcpath", "scurve_blocks", "scurve_search")
     ),
-    "plan/test_bounds.py": tuple(f"planner.plan.dual.{name}" for name in ("problem", "terms")),
+    "plan/test_bounds.py": ("planner.plan.dual.problem",),
     "plan/test_knots.py": ("planner.plan.slow",),
     "plan/test_refine.py": ("planner.plan.stage",),
     "plan/test_two_sided.py": ("planner.machine.limit_rows",),

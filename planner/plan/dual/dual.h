@@ -67,4 +67,61 @@ void method_take_step(int64_t cells, int64_t jerks, int64_t accelerations, const
                       const double *atom_rows, const double *atom_caps, const double *control, const double *step,
                       const double *atom_step, double *state, double *atom_state, double *out);
 
+/* The path of a section as a bound sees it, track_inline.h; terms.py explains it.  Every function begins with a track:
+ *
+ *     cells, motions                       K motions: the axes, and last the way of the tool tip
+ *     sigma (cells + 1), u (3, cells + 1)  knots; the curve parameter and two derivatives over sigma there
+ *     pieces ... origin                    the curve as curve_evaluate takes it; of K - 1 coordinates
+ *     tip_pieces ... tip_origin            the same of the tool tip, of tip_dim coordinates; 0 pieces: the curve itself
+ *     stretches, cap_edges, cap_feed       feeds that the curve commands, inf on rapids; stretches 0: none
+ *     scalars (4)                          feed, rapid, chord error, period
+ *     velocity (K - 1), acceleration, jerk (K), axis_weight (K - 1)    limits, and what makes the axes comparable
+ *     start_speed, end_speed (K)           known speed of each motion at the ends; NULL: it is free
+ *     way (2, K, cells + 1), rise (K, cells), ramps (2, K, cells), near (2, cells)    as in terms.py
+ *
+ * and goes on with points: n of them, at r (n) in the cells k (n).
+ */
+
+/* Write derivatives of the motions over sigma into first and second (K, n), the cap of x = sigma_dot^2 into cap (n). */
+void track_points(int64_t cells, int64_t motions, const double *sigma, const double *u, int64_t pieces, int64_t terms,
+                  const double *breaks, const double *coefficients, int64_t rational, const uint8_t *resting,
+                  const double *origin, int64_t tip_pieces, int64_t tip_dim, int64_t tip_terms,
+                  const double *tip_breaks, const double *tip_coefficients, int64_t tip_rational,
+                  const uint8_t *tip_resting, const double *tip_origin, int64_t stretches, const double *cap_edges,
+                  const double *cap_feed, const double *scalars, const double *velocity, const double *acceleration,
+                  const double *jerk, const double *axis_weight, const double *start_speed, const double *end_speed,
+                  const double *way, const double *rise, const uint8_t *ramps, const uint8_t *near, int64_t n,
+                  const int64_t *k, const double *r, double *first, double *second, double *cap);
+
+/* Write the derivatives of the motions over u into first (K, n), the cap of u_dot^2 by all but the ways into cap (n);
+ * what the motions reach from either end into reached (2, n), inf where its speed is free; NULL: not asked for. */
+void track_reach(int64_t cells, int64_t motions, const double *sigma, const double *u, int64_t pieces, int64_t terms,
+                 const double *breaks, const double *coefficients, int64_t rational, const uint8_t *resting,
+                 const double *origin, int64_t tip_pieces, int64_t tip_dim, int64_t tip_terms,
+                 const double *tip_breaks, const double *tip_coefficients, int64_t tip_rational,
+                 const uint8_t *tip_resting, const double *tip_origin, int64_t stretches, const double *cap_edges,
+                 const double *cap_feed, const double *scalars, const double *velocity, const double *acceleration,
+                 const double *jerk, const double *axis_weight, const double *start_speed, const double *end_speed,
+                 const double *way, const double *rise, const uint8_t *ramps, const uint8_t *near, int64_t n,
+                 const int64_t *k, const double *r, double *first, double *cap, double *reached);
+
+/* Weight 1 - sum |l| of the pace, coefficient g of x, and its cap at points, (n) each.  Multipliers: those of the jerk of
+ * the motions jerk_motions, of which most_jerk (jerks) is allowed, as Bernstein coefficients controls (3, jerks, cells) of
+ * each l; those of the acceleration likewise, spline (accelerations, cells + 1) being the m at the knots. */
+void value_integrand(int64_t cells, int64_t motions, const double *sigma, const double *u, int64_t pieces,
+                     int64_t terms, const double *breaks, const double *coefficients, int64_t rational,
+                     const uint8_t *resting, const double *origin, int64_t tip_pieces, int64_t tip_dim,
+                     int64_t tip_terms, const double *tip_breaks, const double *tip_coefficients, int64_t tip_rational,
+                     const uint8_t *tip_resting, const double *tip_origin, int64_t stretches, const double *cap_edges,
+                     const double *cap_feed, const double *scalars, const double *velocity, const double *acceleration,
+                     const double *jerk, const double *axis_weight, const double *start_speed, const double *end_speed,
+                     const double *way, const double *rise, const uint8_t *ramps, const uint8_t *near, int64_t jerks,
+                     const int64_t *jerk_motions, const double *most_jerk, const double *controls,
+                     int64_t accelerations, const int64_t *acceleration_motions, const double *most_acceleration,
+                     const double *spline, int64_t n, const int64_t *k, const double *r, double *weight, double *pull,
+                     double *cap);
+
+/* Smallest w x^(-1/2) + g x over 0 < x <= cap at n points, into out (n). */
+void value_min_price(int64_t n, const double *w, const double *g, const double *cap, double *out);
+
 #endif

@@ -15,14 +15,14 @@ The last keep x bounded at a stop, where q' vanishes in sigma.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.geometry.curve import Curve
-from planner.geometry.differential import curvature, dot
-from planner.machine.feed_limits import chord_feed_limit, commanded_feed
+from planner.compiled import core
+from planner.geometry.curve import Curve, Pieces
+from planner.geometry.differential import dot
 from planner.machine.limits import Limits
 from planner.plan.ends import Free, Rest
 from planner.plan.jumps import STEP_SEEN
@@ -41,8 +41,7 @@ RULE_NODES = np.array([INSIDE, 0.5 - _ROOT, 0.5 + _ROOT, 1.0 - INSIDE])
 RULE_WEIGHTS = np.array([1.0, 5.0, 5.0, 1.0]) / 12.0
 _DIGITS = 32.0  # of u, that say nothing of a way between two knots
 _HALVINGS = 6
-_MIN_SHARE = 0.05  # of the motions of all axes, weighted
-_WAY_MARGIN, _WAY_SAMPLES = 1.01, 17  # ways are sums of the largest values at so many samples of each cell
+_WAY_SAMPLES = 17  # of a cell, whose largest values the ways are sums of
 _NEAR = 4.0  # times the other caps of x, at samples: what the ways from the ends say is no limit
 
 
@@ -164,22 +163,6 @@ class Track:
         at = np.array([b.u for b in self.section.jumps])
         return (self.h == 0.0) & np.isin(self.u[0, :-1], at)
 
-    def coordinate(self, k: IntArray, r: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Way in u from the left and to the right knot, u' and u'' in the cells k at r, by the quintic."""
-        h, slope, s = self.h[k], self._slope(k), 1.0 - r
-        u1 = s**4 * slope[0] + 4.0 * r * s**3 * slope[1] + 6.0 * r**2 * s**2 * slope[2]
-        u1 += 4.0 * r**3 * s * slope[3] + r**4 * slope[4]
-        bend = [4.0 * (b - a) for a, b in pairwise(slope)]
-        u2 = s**3 * bend[0] + 3.0 * r * s**2 * bend[1] + 3.0 * r**2 * s * bend[2] + r**3 * bend[3]
-        gone, left = np.zeros_like(r), np.zeros_like(r)
-        sums, back, binomial = np.zeros_like(r), np.zeros_like(r), (5.0, 10.0, 10.0, 5.0, 1.0)
-        for i in range(5):
-            sums = sums + slope[i] / 5.0
-            back = back + slope[4 - i] / 5.0
-            gone += binomial[i] * sums * r ** (i + 1) * s ** (4 - i)
-            left += binomial[i] * back * s ** (i + 1) * r ** (4 - i)
-        return gone, left, u1 / h, u2 / h**2
-
     def _slope(self, k: IntArray) -> tuple[FloatArray, ...]:
         """Bernstein coefficients of du/dr in the cells k."""
         h = self.h[k]
@@ -208,79 +191,60 @@ class Track:
 
     def points(self, k: IntArray, r: FloatArray) -> Points:
         """Evaluate the path in the cells k at r (both flat), from inside the cells."""
-        gone, left, u1, u2 = self.coordinate(k, r)
-        first, second, cap = self._along(k, r, gone)
-        for end, gone_or_left in ((0, gone), (1, left)):
-            v0 = self.known_speed(end)
-            if v0 is None:
-                continue
-            some = np.flatnonzero(self.near[end, k] | ~np.isfinite(cap))
-            cells = k[some]
-            # rounding next to an end may leave less than nothing
-            way = np.maximum(self.way[end][:, cells + end] + self.rise[:, cells] * gone_or_left[some], 0.0)
-            reached = self._reached(first[:, some], _WAY_MARGIN * way, v0, self.ramps[end][:, cells])
-            cap[some] = np.minimum(cap[some], reached)
-        return Points(first * u1, second * u1**2 + first * u2, cap / u1**2)
-
-    def known_speed(self, end: int) -> FloatArray | None:
-        """Speed of every motion at an end (K,): 0 at rest, by the feed, None where it is free."""
-        asked = self.section.start if end == 0 else self.section.end
         motions = self.rise.shape[0]
+        at = Points(np.empty((motions, k.size)), np.empty((motions, k.size)), np.empty(k.size))
+        core.track_points(*self.arrays, k.size, k, r, at.first, at.second, at.cap)
+        return at
+
+    @cached_property
+    def arrays(self) -> tuple[object, ...]:
+        """What every compiled function of a track begins with, see ``dual.h``."""
+        curve, limits, none = self.section.curve, self.limits, np.empty(0)
+        axes, tip, caps = curve.pieces, curve.tip.pieces, curve.feed_caps
+        count, rows, terms = tip.coefficients.shape
+        return (
+            *(self.sigma.size - 1, self.rise.shape[0], self.sigma, self.u),
+            *(len(axes.coefficients), axes.coefficients.shape[2], *_data(axes)),
+            *(0 if curve.tip is curve else count, rows - 1, terms, *_data(tip)),
+            *((0, none, none) if caps is None else (caps.feed.size, caps.edges, caps.feed)),
+            np.array([limits.feed, limits.rapid, limits.chord_error, limits.period]),
+            *(limits.velocity, limits.of_motions(ACCELERATION.order), limits.of_motions(JERK.order)),
+            *(axis_weights(limits), *self.known_speeds),
+            *(self.way, self.rise, self.ramps, self.near),
+        )
+
+    @cached_property
+    def known_speeds(self) -> tuple[FloatArray | None, FloatArray | None]:
+        """Speed of every motion at either end (K,): 0 at rest, by the feed, None where it is free."""
+        return self._known_speed(0), self._known_speed(1)
+
+    def _known_speed(self, end: int) -> FloatArray | None:
+        asked = self.section.start if end == 0 else self.section.end
         if isinstance(asked, Rest):
-            return np.zeros(motions)
+            return np.zeros(self.rise.shape[0])
         if isinstance(asked, Free):
             return None
-        k, r = (self.full[0], 0.0) if end == 0 else (self.full[-1], 1.0)
-        first, _, _ = self._along(np.array([k]), np.array([r]), np.array([0.0 if end == 0 else np.inf]))
-        return np.asarray(np.abs(first[:, 0]) * asked.feed / first[-1, 0])
-
-    def _along(self, k: IntArray, r: FloatArray, gone: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Derivatives of the motions over u, and the cap of u_dot^2 by feed, chord error and velocities."""
-        curve, limits = self.section.curve, self.limits
-        end = self.u[0, k + 1]
-        u = np.where(r >= 1.0, end, np.minimum(self.u[0, k] + gone, end))
-        left = (u >= end) & (r > 0.0)
-        q = curve.pieces.evaluate(u, 2, left)
-        tip = q if curve.tip is curve else curve.tip.pieces.evaluate(u, 2, left)
-        speed = np.sqrt(dot(tip[1], tip[1]))
-        bend = np.divide(dot(tip[1], tip[2]), speed, out=np.zeros_like(speed), where=speed > 0.0)
-        feed = commanded_feed(curve, limits, u)
-        if curve.feed_caps is not None:  # where it changes within a cell, the larger
-            for side in (commanded_feed(curve, limits, self.u[0, k]), commanded_feed(curve, limits, end, True)):
-                feed = np.maximum(feed, side)
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            cap = np.where(speed > 0.0, np.minimum(feed, chord_feed_limit(curvature(tip), limits)) / speed, np.inf)
-            cap = np.fmin(cap, np.fmin.reduce(limits.velocity / np.abs(q[1]), axis=1))
-        return np.vstack([q[1].T, speed]), np.vstack([q[2].T, bend]), cap**2
-
-    def _reached(self, first: FloatArray, way: FloatArray, v0: FloatArray, ramps: NDArray[np.bool_]) -> FloatArray:
-        """Largest u_dot^2 that the motions reach on their ways."""
-        limits = self.limits
-        # A motion that hardly takes part says little, and rounding could be all there is of its way.
-        share = np.abs(first[:-1]) * axis_weights(limits)[:, None]
-        first = np.vstack([np.where(share >= _MIN_SHARE * share.max(axis=0), first[:-1], 0.0), first[-1:]])
-        acceleration = limits.of_motions(ACCELERATION.order)[:, None]
-        jerk = limits.of_motions(JERK.order)[:, None]
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            by_acceleration = (v0[:, None] ** 2 + 2.0 * acceleration * way) / first**2
-            by_jerk = np.where(ramps, np.cbrt(1.5 * np.sqrt(2.0 * jerk) * way) ** 4 / first**2, np.inf)
-        return np.fmin.reduce(np.fmin(by_acceleration, by_jerk), axis=0)
+        curve, u = self.section.curve, self.u[0, [-end]]
+        q, tip = (path.pieces.evaluate(u, 1, end == 1)[1, 0] for path in (curve, curve.tip))
+        speed = np.sqrt(dot(tip, tip))
+        return np.append(np.abs(q), speed) * asked.feed / speed
 
     def _with_ways(self) -> Track:
         """Measure the ways: sums of the largest |dq/du| at samples of each cell."""
         full, motions = self.full, self.rise.shape[0]
         nodes = np.linspace(0.0, 1.0, _WAY_SAMPLES)
         k, r = np.repeat(full, nodes.size), np.tile(nodes, full.size)
-        gone = self.coordinate(k, r)[0]
-        first = self._along(k, r, gone)[0].reshape(motions, full.size, nodes.size)
+        first = np.empty((motions, k.size))
+        core.track_reach(*self.arrays, k.size, k, r, first, np.empty(k.size), None)
+        samples = first.reshape(motions, full.size, nodes.size)
         rise = np.zeros((motions, self.sigma.size - 1))
-        rise[:, full] = np.abs(first).max(axis=-1)
+        rise[:, full] = np.abs(samples).max(axis=-1)
         step = rise * np.diff(self.u[0])
         way = np.zeros((2, motions, self.sigma.size))
         way[0, :, 1:] = np.cumsum(step, axis=1)
         way[1, :, :-1] = np.cumsum(step[:, ::-1], axis=1)[:, ::-1]
         low, high = np.full_like(rise, np.inf), np.full_like(rise, -np.inf)
-        low[:, full], high[:, full] = first.min(axis=-1), first.max(axis=-1)
+        low[:, full], high[:, full] = samples.min(axis=-1), samples.max(axis=-1)
         ramps = np.zeros((2, *rise.shape), dtype=bool)
         jumps = np.array([b.u for b in self.section.jumps])
         before = self.u[0, 1:] <= jumps.min(initial=np.inf)
@@ -295,16 +259,15 @@ class Track:
         """Tell where the ways from the ends limit the speed, or nearly so: a cap left out is no error, only weaker."""
         full, nodes = self.full, RULE_NODES
         k, r = np.repeat(full, nodes.size), np.tile(nodes, full.size)
-        gone, left, _, _ = self.coordinate(k, r)
-        first, _, cap = self._along(k, r, gone)
+        cap, reached = np.empty(k.size), np.empty((2, k.size))
+        core.track_reach(*self.arrays, k.size, k, r, np.empty((self.rise.shape[0], k.size)), cap, reached)
         near = np.zeros_like(self.near)
-        for end, gone_or_left in ((0, gone), (1, left)):
-            v0 = self.known_speed(end)
-            if v0 is not None:
-                way = np.maximum(self.way[end][:, k + end] + self.rise[:, k] * gone_or_left, 0.0)
-                reached = self._reached(first, way, v0, self.ramps[end][:, k])
-                near[end, full] = (reached < _NEAR * cap).reshape(-1, nodes.size).any(axis=1)
+        near[:, full] = (reached < _NEAR * cap).reshape(2, -1, nodes.size).any(axis=2)
         return replace(self, near=near)
+
+
+def _data(pieces: Pieces) -> tuple[object, ...]:
+    return pieces.breaks, pieces.coefficients, pieces.rational, pieces.resting, pieces.origin
 
 
 def largest_steps(limits: Limits) -> FloatArray:

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from planner.compiled import core
 from planner.plan.dual.terms import RULE_NODES, Multiplied, Points, Track, jump_cap, largest_steps
 from planner.plan.ends import Feed
 from planner.plan.jumps import STEP_REACH, STEP_SEEN
@@ -119,37 +120,27 @@ def _parts(splines: Splines) -> tuple[IntArray, FloatArray, FloatArray]:
 
 def min_price(w: FloatArray, g: FloatArray, cap: FloatArray) -> FloatArray:
     """Smallest w x^(-1/2) + g x over 0 < x <= cap; for g > 0 at x = (w / 2g)^(2/3) where that is below the cap."""
-    w = np.maximum(w, 0.0)
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        inside = (g > 0.0) & ((0.5 * w / g) ** 2 < cap**3)
-        return np.where(
-            inside,
-            3.0 * np.cbrt((0.5 * w) ** 2 * np.maximum(g, 0.0)),
-            w / np.sqrt(cap) + np.where(g == 0.0, 0.0, g * cap),
-        )
+    out = np.empty(w.size)
+    core.value_min_price(w.size, w, g, cap, out)
+    return out
 
 
-def weight_and_pull(splines: Splines, at: Points, k: IntArray, r: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Weight 1 - sum |l| of the pace and coefficient g of x at points of the cells k."""
-    of, h = splines.of, splines.track.h[k]
-    a, b, c = splines.controls()[:, :, k]
-    l1 = 2.0 * ((1.0 - r) * (b - a) + r * (c - b)) / h
-    l2 = 2.0 * (a - 2.0 * b + c) / h**2
-    m0, m1 = splines.acceleration[:, k], splines.acceleration[:, k + 1]
-    m, dm = m0 + (m1 - m0) * r, (m1 - m0) / h
-    g = np.sum((l2 * at.first[of.jerk] - l1 * at.second[of.jerk]) / of.most_jerk[:, None], axis=0)
-    g += np.sum(
-        (m * at.second[of.acceleration] - dm * at.first[of.acceleration]) / of.most_acceleration[:, None], axis=0
+def integrand(splines: Splines, k: IntArray, r: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Weight 1 - sum |l| of the pace, coefficient g of x, and its cap, (n,) each, at points of the cells k (n,)."""
+    of = splines.of
+    found = np.empty(k.size), np.empty(k.size), np.empty(k.size)
+    multipliers = (
+        *(of.jerk.size, of.jerk, of.most_jerk, splines.controls()),
+        *(of.acceleration.size, of.acceleration, of.most_acceleration, splines.acceleration),
     )
-    return 1.0 - np.abs(_quadratic(a, b, c, r)).sum(axis=0), 0.5 * g
+    core.value_integrand(*splines.track.arrays, *multipliers, k.size, k, r, *found)
+    return found
 
 
 def _sums(splines: Splines, k: IntArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
     """Gauss sum of the integrand over each part."""
-    cells = np.repeat(k, _NODES.size)
     r = (lower[:, None] + (upper - lower)[:, None] * _NODES).reshape(-1)
-    at = splines.track.points(cells, r)
-    found = min_price(*weight_and_pull(splines, at, cells, r), at.cap).reshape(k.size, -1)
+    found = min_price(*integrand(splines, np.repeat(k, _NODES.size), r)).reshape(k.size, -1)
     return np.asarray(found @ _WEIGHTS * (upper - lower) * splines.track.h[k])
 
 

@@ -15,7 +15,7 @@ from planner import (
 from planner.geometry.nurbs import NurbsCurve
 from planner.plan.dual.problem import Pace, best_splines
 from planner.plan.dual.terms import Multiplied, Track
-from planner.plan.dual.value import Splines, _sides, normalised, value, weight_and_pull
+from planner.plan.dual.value import Splines, _sides, integrand, normalised, value
 
 
 def track_of(curve, limits, intervals, **options):
@@ -61,7 +61,7 @@ def test_time_of_any_motion_is_what_the_multipliers_say_of_it():
     by_rates = np.sum(step / np.sqrt(x) * np.sum(load * jerk / of.most_jerk[:, None], axis=0))
     by_rates += np.sum(step * np.sum(m * acceleration / of.most_acceleration[:, None], axis=0))
 
-    _, g = weight_and_pull(splines, track.points(k, r), k, r)
+    _, g, _ = integrand(splines, k, r)
     without = np.sum(step * g * x)
     empty = np.flatnonzero(track.h == 0.0)
     pull = _sides(splines, empty - 1, 1).pull - _sides(splines, empty + 1, 0).pull
