@@ -103,7 +103,7 @@ def tip_speed(pieces, piece, u, order, dim):
     square = dot = more = 0.0
     for j in range(first, last):
         c0, c1, c2, c3 = polynomial(pieces[piece, j], w, scale, order)
-        if rational:  # quotient rule, as in planner.geometry.curve_kernels.evaluate_pieces
+        if rational:  # quotient rule, as in planner/geometry/curve_inline.h
             c0 = c0 / d0
             c1 = (c1 - d1 * c0) / d0
             c2 = (c2 - 2.0 * d1 * c1 - d2 * c0) / d0

@@ -2,7 +2,7 @@
 
 Everything follows from the chain rule for q(u(t)) and from s' = |C'|, the speed of the curve in u.  The formulas stand here
 once, for the planner and for its check; ``tests/geometry/test_differential.py`` holds each to numbers of many digits.
-Compiled code takes them from ``differential_kernels.py``.
+Compiled code takes them from ``differential_inline.h``.
 
 Shapes: ``d (k, ..., dim)`` holds the derivatives 0..k-1 with respect to u; dots are taken over the last axis.
 """
