@@ -2,10 +2,11 @@
 
 #include "planner/core.h"
 
-#define FAR 1e300         /* no distance is as large */
-#define SCAN_ANGLE 0.5    /* rad between looks at a curved leg */
-#define PASSES 8          /* of Gauss-Newton */
-#define MIN_BEND 0.1      /* of the square of the slope: below that Newton's step may lead uphill */
+#define FAR 1e300      /* no distance is as large */
+#define SCAN_ANGLE 0.5 /* rad between looks at a curved leg */
+#define PASSES 8       /* of Gauss-Newton */
+#define MIN_BEND 0.1   /* of the square of the slope: below that Newton's step may lead uphill */
+#define ROUNDING 1e-6  /* of a way, on the safe side */
 
 /* Squared distance from p to the points start + x direction, lo <= x <= hi, of a unit direction. */
 static double to_segment(int64_t dim, const double *p, double lo, double hi, const double *start,
@@ -73,13 +74,19 @@ static double to_curve(int64_t dim, const double *p, double lo, double hi, const
     return best;
 }
 
+/* The blocks of a program. */
+typedef struct {
+    int64_t count, dim;
+    const double *edges, *vectors, *rates;
+} Blocks;
+
 /* Index of the block in which an abscissa lies; the first or last beyond the ends. */
-static int64_t block_at(int64_t blocks, const double *edges, double abscissa)
+static int64_t block_at(const Blocks *blocks, double abscissa)
 {
-    int64_t lo = 0, hi = blocks;
+    int64_t lo = 0, hi = blocks->count;
     while (hi - lo > 1) {
         const int64_t mid = (lo + hi) / 2;
-        if (edges[mid] <= abscissa)
+        if (blocks->edges[mid] <= abscissa)
             lo = mid;
         else
             hi = mid;
@@ -87,21 +94,47 @@ static int64_t block_at(int64_t blocks, const double *edges, double abscissa)
     return lo;
 }
 
+/* Squared distance from p to block i within the abscissae low to high. */
+static double to_block(const Blocks *blocks, int64_t i, const double *p, double low, double high)
+{
+    const double *edges = blocks->edges, *leg = blocks->vectors + i * 4 * blocks->dim, *rates = blocks->rates + 2 * i;
+    const double begin = larger(0.0, low - edges[i]), end = smaller(edges[i + 1], high) - edges[i];
+    return rates[0] == 0.0 ? to_segment(blocks->dim, p, begin, end, leg, leg + 3 * blocks->dim)
+                           : to_curve(blocks->dim, p, begin, end, leg, rates);
+}
+
+/* The first block from i on that may be nearer to p than so much.
+ *
+ * Along lines, each from the end of the last, nothing is nearer to p than the start of the first less the way from there. */
+static int64_t next_near(const Blocks *blocks, int64_t i, const double *p, double near)
+{
+    const double *start = blocks->vectors + i * 4 * blocks->dim;
+    double squared = 0.0;
+    for (int64_t j = 0; j < blocks->dim; j++)
+        squared += square(p[j] - start[j]);
+    if (!(squared > near * near))
+        return i;
+    const double free = blocks->edges[i] + (1.0 - ROUNDING) * (sqrt(squared) - near);
+    while (i < blocks->count && blocks->rates[2 * i] == 0.0 && blocks->edges[i + 1] < free)
+        i++;
+    return i;
+}
+
 void deviation_to_blocks(int64_t blocks, int64_t dim, const double *edges, const double *vectors, const double *rates,
                          int64_t n, const double *points, const double *abscissa, const double *window, double *out)
 {
+    const Blocks path = {blocks, dim, edges, vectors, rates};
     for (int64_t m = 0; m < n; m++) {
         const double low = abscissa[m] - window[m], high = abscissa[m] + window[m];
         const double *p = points + m * dim;
-        const int64_t nearest = block_at(blocks, edges, low);
-        double best = FAR;
-        for (int64_t i = nearest; i < blocks && (edges[i] <= high || i == nearest); i++) {
-            const double begin = larger(0.0, low - edges[i]), end = smaller(edges[i + 1], high) - edges[i];
-            const double *leg = vectors + i * 4 * dim;
-            const double away = rates[2 * i] == 0.0 ? to_segment(dim, p, begin, end, leg, leg + 3 * dim)
-                                                    : to_curve(dim, p, begin, end, leg, rates + 2 * i);
-            best = smaller(best, away);
+        const int64_t first = block_at(&path, low);
+        /* What lies at the abscissa itself is near, and most of the others need no look then. */
+        double near = sqrt(to_block(&path, block_at(&path, abscissa[m]), p, low, high));
+        for (int64_t i = first; i < blocks && (edges[i] <= high || i == first); i++) {
+            i = next_near(&path, i, p, near);
+            if (i < blocks && (edges[i] <= high || i == first))
+                near = smaller(near, sqrt(to_block(&path, i, p, low, high)));
         }
-        out[m] = sqrt(best);
+        out[m] = near;
     }
 }

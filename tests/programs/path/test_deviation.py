@@ -130,6 +130,44 @@ def random_legs(rng, count, dim):
     return np.concatenate([[0.0], np.cumsum(rng.uniform(0.0, 2.0, count))]), vectors, rates
 
 
+def polyline_with_arcs(rng, count, dim):
+    """Lines end to end that turn back and cross each other, as short as the points are near; a few arcs among them."""
+    turns = np.cumsum(rng.normal(0.0, 0.4, (count, dim)), axis=0) + rng.normal(0.0, 0.01, (count, dim))
+    steps = (
+        0.12
+        * turns
+        / np.linalg.norm(turns, axis=1)[:, None]
+        * rng.choice([1.0, 1e-4, 20.0], (count, 1), p=[0.8, 0.1, 0.1])
+    )
+    vectors, rates = np.zeros((count, 4, dim)), np.zeros((count, 2))
+    vectors[:, 0] = np.cumsum(steps, axis=0) - steps
+    length = np.linalg.norm(steps, axis=1)
+    vectors[:, 3] = steps / length[:, None]
+    for i in rng.integers(0, count, count // 50):  # an arc beside the path, of the same length
+        tangent = vectors[i, 3].copy()
+        normal = np.eye(dim)[np.argmin(np.abs(tangent))]
+        normal -= (normal @ tangent) * tangent
+        normal /= np.linalg.norm(normal)
+        vectors[i] = vectors[i, 0] + 2.0 * normal, -2.0 * normal, 2.0 * tangent, 0.0 * tangent
+        rates[i, 0] = 0.5
+    return np.concatenate([[0.0], np.cumsum(length)]), vectors, rates
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("seed", range(4))
+def test_blocks_that_are_not_looked_at_are_not_the_nearest(seed, dim):
+    rng = np.random.default_rng([9, seed, dim])
+    edges, vectors, rates = polyline_with_arcs(rng, 300, dim)
+    n = 150
+    s = rng.uniform(0.0, edges[-1], n)
+    block = np.searchsorted(edges, s, side="right") - 1
+    points = vectors[block, 0] + rng.choice([0.0, 1e-9, 0.005, 0.3, 30.0], (n, 1)) * rng.normal(size=(n, dim))
+    window = rng.choice([0.0, 1.0, 7.0, 1e3], n)
+    core.deviation_to_blocks(300, dim, edges, vectors, rates, n, points, s, window, found := np.empty(n))
+    reference.distance_to_blocks(edges, vectors, rates, points, s, window, expected := np.empty(n))
+    assert found.tobytes() == expected.tobytes()
+
+
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("seed", range(6))
 def test_the_compiled_distance_has_the_bits_of_plain_python(seed, dim):
