@@ -85,7 +85,7 @@ class Nodes:
         tip = d if curve.tip is curve else curve.tip.pieces.evaluate(u, 3, left)
         third = law.rates(interval, left[:, None].astype(np.float64))[2, :, 0]
         rates = np.ascontiguousarray(np.stack([profile.u_rate, profile.u_acceleration, third])[:, :, None])
-        values, slack = measure_points(d, tip, tip is d, rates, np.ascontiguousarray(law.slack[:, interval].T))
+        values, slack = measure_points(d, tip, tip is d, rates, np.ascontiguousarray(law.slack[interval]))
         p1, p2, p3 = (norm(tip[k]) for k in (1, 2, 3))
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             u1, u2, u3 = np.abs(rates[:, :, 0])

@@ -1,35 +1,50 @@
 #include "planner/verify/verify.h"
 
+#include <string.h>
+
 #include "planner/geometry/curve_inline.h"
 #include "planner/verify/motion_inline.h"
 
-void law_locate(int64_t intervals, const double *start, const double *h, int64_t n, const double *t, int64_t *interval,
-                double *x)
-{
-    int64_t i = 0;
-    for (int64_t k = 0; k < n; k++) {
-        i = t[k] >= start[intervals - 1] ? intervals - 1 : find_piece(intervals - 1, start, t[k], 0, i);
-        interval[k] = i;
-        x[k] = smaller(larger((t[k] - start[i]) / h[i], 0.0), 1.0);
-    }
-}
+enum { BISECTIONS = 60 };
+static const double EPS = 2.220446049250313e-16;
 
-/* A quintic between two nodes: coefficients of the powers of x, u, u' and u'' at both ends as tabulated, duration. */
+/* A row of the table: a quintic between two nodes. */
 typedef struct {
-    double c[6], ends[2][3], h;
+    double start, h;
+    double ends[2][3]; /* u, u' and u'' at both ends, as tabulated */
+    double c[6];       /* of the powers of x in [0, 1] */
+    double slack[3];   /* what the rounding of the nodes can change in the first three time derivatives of u */
 } Quintic;
 
-static inline Quintic quintic_of(int64_t intervals, const double *h, const double *ends, const double *coefficients,
-                                 int64_t i)
+static inline const Quintic *quintic_of(const double *table, int64_t i) { return (const Quintic *)table + i; }
+
+int64_t law_table(int64_t nodes, const double *t, const double *u, const double *u_rate, const double *u_acceleration,
+                  double *table)
 {
-    Quintic law;
-    for (int k = 0; k < 6; k++)
-        law.c[k] = coefficients[k * intervals + i];
-    for (int side = 0; side < 2; side++)
-        for (int k = 0; k < 3; k++)
-            law.ends[side][k] = ends[(side * 3 + k) * intervals + i];
-    law.h = h[i];
-    return law;
+    Quintic *law = (Quintic *)table;
+    for (int64_t i = 0; i + 1 < nodes; i++) {
+        const double h = t[i + 1] - t[i];
+        if (!(h > 0.0)) /* a double node */
+            continue;
+        const double u0 = u[i], v0 = u_rate[i], a0 = u_acceleration[i];
+        const double u1 = u[i + 1], v1 = u_rate[i + 1], a1 = u_acceleration[i + 1];
+        /* The conditions at x = 1 that the Taylor part from x = 0 leaves to x^3, x^4 and x^5. */
+        const double value = u1 - u0 - v0 * h - 0.5 * a0 * (h * h), slope = (v1 - v0 - a0 * h) * h;
+        const double bend = (a1 - a0) * (h * h);
+        const double c3 = 10.0 * value - 4.0 * slope + 0.5 * bend, c4 = -15.0 * value + 7.0 * slope - bend;
+        const double c5 = 6.0 * value - 3.0 * slope + 0.5 * bend;
+        /* Rounding: half a digit at each end of u, u' and u''; that of t moves u by u' times as much.  The factors are the
+         * largest derivatives of the quintics that answer to a unit of u, of u' h and of u'' h^2. */
+        const double size_v = larger(fabs(v0), fabs(v1));
+        const double du = EPS * (larger(fabs(u0), fabs(u1)) + size_v * (t[i] + h));
+        const double dv = EPS * size_v * h, da = EPS * larger(fabs(a0), fabs(a1)) * (h * h);
+        const Quintic made = {
+            t[i], h, {{u0, v0, a0}, {u1, v1, a1}}, {u0, v0 * h, 0.5 * a0 * (h * h), c3, c4, c5},
+            {2.0 * (du + dv + da) / h, (6.0 * du + 4.0 * dv + da) / (h * h),
+             (60.0 * du + 36.0 * dv + 9.0 * da) / (h * h * h)}};
+        *law++ = made;
+    }
+    return law - (Quintic *)table;
 }
 
 static inline double quintic_value(const Quintic *law, double w)
@@ -39,65 +54,108 @@ static inline double quintic_value(const Quintic *law, double w)
     return w == 1.0 ? law->ends[1][0] : u;
 }
 
-HOT void law_values(int64_t intervals, const double *h, const double *ends, const double *coefficients, int64_t n,
-                    int64_t k, const int64_t *interval, const double *x, int64_t rows, double *out)
+/* First three time derivatives of u at x (k), from out on, apart numbers from one another. */
+INLINED void quintic_rates(const Quintic *law, int64_t k, const double *x, int64_t apart, double *restrict out)
 {
-    double *restrict first = out + n * k, *restrict second = first + n * k, *restrict third = second + n * k;
-    for (int64_t i = 0; i < n; i++) {
-        const Quintic law = quintic_of(intervals, h, ends, coefficients, interval[i]);
-        const double *c = law.c, *begin = law.ends[0], *end = law.ends[1], *at = x + i * k;
-        const double h1 = law.h, h2 = h1 * h1, h3 = h1 * h1 * h1;
-        double *restrict value = out + i * k;
-        for (int64_t p = 0; p < k; p++)
-            value[p] = quintic_value(&law, at[p]);
-        if (rows < 4)
-            continue;
-        for (int64_t p = 0; p < k; p++) {
-            const double w = at[p];
-            const double u1 = (c[1] + w * (2.0 * c[2] + w * (3.0 * c[3] + w * (4.0 * c[4] + w * 5.0 * c[5])))) / h1;
-            const double u2 = (2.0 * c[2] + w * (6.0 * c[3] + w * (12.0 * c[4] + w * 20.0 * c[5]))) / h2;
-            first[i * k + p] = w == 0.0 ? begin[1] : w == 1.0 ? end[1] : u1;
-            second[i * k + p] = w == 0.0 ? begin[2] : w == 1.0 ? end[2] : u2;
-            third[i * k + p] = (6.0 * c[3] + w * (24.0 * c[4] + w * 60.0 * c[5])) / h3;
-        }
+    const double *c = law->c, *begin = law->ends[0], *end = law->ends[1];
+    const double h1 = law->h, h2 = h1 * h1, h3 = h1 * h1 * h1;
+    for (int64_t p = 0; p < k; p++) {
+        const double w = x[p];
+        const double u1 = (c[1] + w * (2.0 * c[2] + w * (3.0 * c[3] + w * (4.0 * c[4] + w * 5.0 * c[5])))) / h1;
+        const double u2 = (2.0 * c[2] + w * (6.0 * c[3] + w * (12.0 * c[4] + w * 20.0 * c[5]))) / h2;
+        out[p] = w == 0.0 ? begin[1] : w == 1.0 ? end[1] : u1;
+        out[apart + p] = w == 0.0 ? begin[2] : w == 1.0 ? end[2] : u2;
+        out[2 * apart + p] = (6.0 * c[3] + w * (24.0 * c[4] + w * 60.0 * c[5])) / h3;
     }
 }
 
-void law_parameters(int64_t intervals, const double *start, const double *h, const double *ends,
-                    const double *coefficients, int64_t n, const double *t, double low, double high, double *u)
+/* The share that has passed of the interval that holds a time; the last one has no end. */
+static inline double locate(const double *table, int64_t intervals, const double *start, double t, int64_t *interval)
 {
-    const double last = start[intervals - 1] + h[intervals - 1];
-    Quintic law = quintic_of(intervals, h, ends, coefficients, 0);
+    const int64_t last = intervals - 1;
+    const int64_t i = *interval = t >= start[last] ? last : find_piece(last, start, t, 0, *interval);
+    return smaller(larger((t - start[i]) / quintic_of(table, i)->h, 0.0), 1.0);
+}
+
+void law_locate(int64_t intervals, const double *table, const double *start, int64_t n, const double *t,
+                int64_t *interval, double *x)
+{
     int64_t i = 0;
     for (int64_t k = 0; k < n; k++) {
-        const double time = smaller(t[k], last);
-        const int64_t now =
-            time >= start[intervals - 1] ? intervals - 1 : find_piece(intervals - 1, start, time, 0, i);
-        if (now != i) {
-            i = now;
-            law = quintic_of(intervals, h, ends, coefficients, i);
-        }
-        const double x = smaller(larger((time - start[i]) / h[i], 0.0), 1.0);
-        u[k] = smaller(larger(quintic_value(&law, x), low), high);
+        x[k] = locate(table, intervals, start, t[k], &i);
+        interval[k] = i;
     }
 }
 
-HOT void motion_place(int64_t intervals, const double *h, const double *ends, const double *coefficients,
-                      int64_t spans, const int64_t *interval, const double *upper, const double *u_ends, int64_t n,
-                      int64_t k, const int64_t *span, const double *x, double *u, uint8_t *left)
+void law_parameters(int64_t intervals, const double *table, const double *start, int64_t n, const double *t, double low,
+                    double high, double *u)
+{
+    const double end = start[intervals - 1] + quintic_of(table, intervals - 1)->h;
+    int64_t i = 0;
+    for (int64_t k = 0; k < n; k++) {
+        const double x = locate(table, intervals, start, smaller(t[k], end), &i);
+        u[k] = smaller(larger(quintic_value(quintic_of(table, i), x), low), high);
+    }
+}
+
+HOT void law_values(const double *table, int64_t n, int64_t k, const int64_t *interval, const double *x, int64_t rows,
+                    double *out)
+{
+    for (int64_t i = 0; i < n; i++) {
+        const Quintic *law = quintic_of(table, interval[i]);
+        for (int64_t p = 0; p < k; p++)
+            out[i * k + p] = quintic_value(law, x[i * k + p]);
+        if (rows == 4)
+            quintic_rates(law, k, x + i * k, n * k, out + n * k + i * k);
+    }
+}
+
+void law_crossings(const double *table, int64_t n, const int64_t *interval, const double *u, double *x)
+{
+    for (int64_t i = 0; i < n; i++) {
+        const Quintic *law = quintic_of(table, interval[i]);
+        double lo = 0.0, hi = 1.0;
+        for (int pass = 0; pass < BISECTIONS; pass++) {
+            const double middle = 0.5 * (lo + hi);
+            const int below = quintic_value(law, middle) < u[i];
+            lo = below ? middle : lo;
+            hi = below ? hi : middle;
+        }
+        x[i] = hi;
+    }
+}
+
+HOT void motion_grid(int64_t n, int64_t k, const int64_t *span, const double *lower, const double *upper, double *x)
+{
+    const double step = 1.0 / (double)(k - 1);
+    for (int64_t i = 0; i < n; i++) {
+        const double begin = lower[span[i]], width = upper[span[i]] - begin;
+        for (int64_t p = 0; p < k; p++)
+            x[i * k + p] = begin + width * ((double)p * step);
+        x[i * k + k - 1] = upper[span[i]];
+    }
+}
+
+HOT void motion_place(const double *table, int64_t spans, const int64_t *interval, const double *upper,
+                      const double *u_ends, int64_t n, int64_t k, const int64_t *span, const double *x, double *u,
+                      uint8_t *left, double *rates, double *slack)
 {
     for (int64_t i = 0; i < n; i++) {
         const int64_t at = span[i];
-        const Quintic law = quintic_of(intervals, h, ends, coefficients, interval[at]);
+        const Quintic *law = quintic_of(table, interval[at]);
         const double begin = u_ends[at], end = u_ends[spans + at], last = upper[at];
         const double low = smaller(begin, end), high = larger(begin, end);
         const double *restrict place = x + i * k;
         double *restrict value = u + i * k;
         uint8_t *restrict inside = left + i * k;
         for (int64_t p = 0; p < k; p++)
-            value[p] = smaller(larger(quintic_value(&law, place[p]), low), high);
+            value[p] = smaller(larger(quintic_value(law, place[p]), low), high);
         for (int64_t p = 0; p < k; p++)
             inside[p] = (value[p] >= end) | (place[p] >= last);
+        if (rates)
+            quintic_rates(law, k, place, n * k, rates + i * k);
+        for (int j = 0; slack && j < 3; j++)
+            slack[3 * i + j] = law->slack[j];
     }
 }
 

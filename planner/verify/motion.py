@@ -12,7 +12,9 @@ from planner.geometry.curve import Curve
 from planner.geometry.differential import norm
 from planner.types import BoolArray, FloatArray, IntArray
 from planner.verify.quantities import names
-from planner.verify.sizes import EPS, ON_KNOT, ON_KNOT_OF_GAP
+from planner.verify.sizes import ON_KNOT, ON_KNOT_OF_GAP
+
+_COLUMNS = 17  # of the table of a law
 
 
 class Law(Protocol):
@@ -39,35 +41,36 @@ class Law(Protocol):
 class Quintics:
     """The quintics between the nodes, over x = (t - start) / h in [0, 1].
 
-    ``ends`` (2, 3, n) holds u, u', u'' as tabulated at both ends of each interval, ``slack`` (3, n) what the rounding
-    of the tabulated t, u, u', u'' can change in the first three time derivatives of u.
+    Attributes
+    ----------
+    table : (n, 17) array
+        A row each: start, h; u, u', u'' as tabulated at both ends; coefficients of the powers of x; what the rounding of
+        the tabulated t, u, u', u'' can change in the first three time derivatives of u.
+    start, h : (n,) arrays
+        Time at which each begins, and how long it lasts, s.
     """
 
+    table: FloatArray
     start: FloatArray
     h: FloatArray
-    ends: FloatArray
-    coefficients: FloatArray
-    slack: FloatArray
 
     @classmethod
     def of(cls, profile: Law) -> Quintics:
         """Take the intervals that have a length; those of double nodes have none."""
-        nodes = np.stack([profile.u, profile.u_rate, profile.u_acceleration])
-        kept = np.flatnonzero(np.diff(profile.t) > 0.0)
-        start, h = profile.t[kept], np.diff(profile.t)[kept]
-        ends = np.ascontiguousarray(np.stack([nodes[:, kept], nodes[:, kept + 1]]))
-        (u0, v0, a0), (u1, v1, a1) = ends
-        # The conditions at x = 1 that the Taylor part from x = 0 leaves to x^3, x^4 and x^5.
-        left = np.stack([u1 - u0 - v0 * h - 0.5 * a0 * h**2, (v1 - v0 - a0 * h) * h, (a1 - a0) * h**2])
-        tail = np.linalg.solve(np.array([[1.0, 1.0, 1.0], [3.0, 4.0, 5.0], [6.0, 12.0, 20.0]]), left)
-        # Rounding: half a digit at each end of u, u' and u''; that of t moves u by u' times as much.  The factors are
-        # the largest derivatives of the quintics that answer to a unit of u, of u' h and of u'' h^2.
-        size = np.abs(ends).max(axis=0)
-        du = EPS * (size[0] + size[1] * (start + h))
-        dv, da = EPS * size[1] * h, EPS * size[2] * h**2
-        slack = np.stack([2.0 * (du + dv + da), 6.0 * du + 4.0 * dv + da, 60.0 * du + 36.0 * dv + 9.0 * da])
-        slack /= np.stack([h, h**2, h**3])
-        return cls(start, h, ends, np.concatenate([[u0, v0 * h, 0.5 * a0 * h**2], tail]), slack)
+        table = np.empty((profile.t.size - 1, _COLUMNS))
+        nodes = profile.t, profile.u, profile.u_rate, profile.u_acceleration
+        table = table[: core.law_table(profile.t.size, *(np.ascontiguousarray(column) for column in nodes), table)]
+        return cls(table, np.ascontiguousarray(table[:, 0]), np.ascontiguousarray(table[:, 1]))
+
+    @property
+    def u_ends(self) -> FloatArray:
+        """U as tabulated at both ends of each, (2, n)."""
+        return np.ascontiguousarray(self.table[:, [2, 5]].T)
+
+    @property
+    def slack(self) -> FloatArray:
+        """What rounding can change in the first three time derivatives of u, (n, 3)."""
+        return self.table[:, -3:]
 
     def value(self, i: IntArray, x: FloatArray) -> FloatArray:
         """Evaluate u on the intervals i (n,) at x (n, k)."""
@@ -83,29 +86,25 @@ class Quintics:
     def parameters(self, t: FloatArray, low: float, high: float) -> FloatArray:
         """Evaluate u at times t (n,), held at the last node and within low .. high."""
         u = np.empty(t.size)
-        core.law_parameters(self.h.size, self.start, self.h, self.ends, self.coefficients, t.size, t, low, high, u)
+        core.law_parameters(self.h.size, self.table, self.start, t.size, t, low, high, u)
         return u
 
     def _evaluate(self, i: IntArray, x: FloatArray, count: int) -> FloatArray:
         """Evaluate u, or with count = 4 u and its three derivatives, (count, n, k)."""
         out = np.empty((count, *x.shape))
-        x = np.ascontiguousarray(x)
-        core.law_values(self.h.size, self.h, self.ends, self.coefficients, *x.shape, i, x, count, out)
+        core.law_values(self.table, *x.shape, i, np.ascontiguousarray(x), count, out)
         return out
 
     def crossing(self, i: IntArray, u: FloatArray) -> FloatArray:
         """Solve u(x) = u for x on the intervals i by bisection."""
-        lo, hi = np.zeros(u.size), np.ones(u.size)
-        for _ in range(60):
-            mid = 0.5 * (lo + hi)
-            below = self.value(i, mid[:, None])[:, 0] < u
-            lo, hi = np.where(below, mid, lo), np.where(below, hi, mid)
-        return hi
+        x = np.empty(u.size)
+        core.law_crossings(self.table, u.size, i, u, x)
+        return x
 
     def at(self, t: FloatArray) -> tuple[IntArray, FloatArray]:
         """Interval and x of each time, flat."""
         i, x = np.empty(t.size, dtype=np.intp), np.empty(t.size)
-        core.law_locate(self.h.size, self.start, self.h, t.size, t, i, x)
+        core.law_locate(self.h.size, self.table, self.start, t.size, t, i, x)
         return i, x
 
 
@@ -129,7 +128,7 @@ class Motion:
         """Cut the intervals at the knots they cross."""
         knots = curve._candidate_breaks()
         u0, u1 = curve.domain
-        u_ends = np.clip(law.ends[:, 0], u0, u1)
+        u_ends = np.clip(law.u_ends, u0, u1)
         if knots.size:
             # Knots may be 1e-8 of the domain apart, and |C'| change between them.
             gaps = np.diff(np.concatenate([[u0], knots, [u1]]))
@@ -164,20 +163,20 @@ class Motion:
         """Curve parameter on the spans (n,) at x (n, k), within the span's ends."""
         return self._place(span, x)[0]
 
-    def _place(self, span: IntArray, x: FloatArray) -> tuple[FloatArray, BoolArray]:
+    def _place(
+        self, span: IntArray, x: FloatArray, rates: FloatArray | None = None, slack: FloatArray | None = None
+    ) -> tuple[FloatArray, BoolArray]:
         """Curve parameter on the spans (n,) at x (n, k), and where it is seen from the left, to be inside the span."""
-        law, x = self.law, np.ascontiguousarray(x)
-        u, left = np.empty(x.shape), np.empty(x.shape, dtype=np.bool_)
-        table = law.h.size, law.h, law.ends, law.coefficients
+        u, left, x = np.empty(x.shape), np.empty(x.shape, dtype=np.bool_), np.ascontiguousarray(x)
         spans = self.interval.size, self.interval, self.upper, self.u_ends
-        core.motion_place(*table, *spans, *x.shape, span, x, u, left)
+        core.motion_place(self.law.table, *spans, *x.shape, span, x, u, left, rates, slack)
         return u, left
 
     def grid(self, span: IntArray, density: int) -> FloatArray:
         """Equidistant x on each span, (n, density), both ends included exactly."""
-        share = np.linspace(0.0, 1.0, density)
-        lower, upper = self.lower[span, None], self.upper[span, None]
-        return np.where(share == 1.0, upper, lower + (upper - lower) * share)
+        x = np.empty((span.size, density))
+        core.motion_grid(*x.shape, span, self.lower, self.upper, x)
+        return x
 
     def states(self, span: IntArray, x: FloatArray) -> tuple[FloatArray, FloatArray, bool, FloatArray, FloatArray]:
         """What every quantity follows from, on the spans (n,) at x (n, k).
@@ -186,11 +185,12 @@ class Motion:
         inside it, and whether these are the same; time derivatives of u (3, n, k), and what rounding can change in
         them (n, 3).
         """
-        i, tip, (u, left) = self.interval[span], self.curve.tip, self._place(span, x)
+        rates, slack = np.empty((3, *x.shape)), np.empty((x.shape[0], 3))
+        u, left = self._place(span, x, rates, slack)
         d = self.curve.derivatives(u.reshape(-1), 3, side=left.reshape(-1))
-        cartesian = tip is self.curve
-        p = d if cartesian else tip.derivatives(u.reshape(-1), 3, side=left.reshape(-1))
-        return d, p, cartesian, self.law.rates(i, x), np.ascontiguousarray(self.law.slack[:, i].T)
+        cartesian = self.curve.tip is self.curve
+        p = d if cartesian else self.curve.tip.derivatives(u.reshape(-1), 3, side=left.reshape(-1))
+        return d, p, cartesian, rates, slack
 
     def measure(self, span: IntArray, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Signed values and slack of every quantity, (quantities, n, k), on the spans (n,) at x (n, k)."""
@@ -198,9 +198,10 @@ class Motion:
 
     def feed(self, span: IntArray, x: FloatArray) -> FloatArray:
         """Speed of the tool tip, in the direction of u, on the spans (n,) at x (n, k)."""
-        u, left = self._place(span, x)
+        rates = np.empty((3, *x.shape))
+        u, left = self._place(span, x, rates)
         slope = self.curve.tip.derivatives(u, 1, side=left)[1]
-        return np.asarray(norm(slope) * self.law.rates(self.interval[span], x)[0])
+        return np.asarray(norm(slope) * rates[0])
 
 
 def measure_points(

@@ -9,8 +9,8 @@ import numpy as np
 from planner.compiled import core
 from planner.types import FloatArray, IntArray
 
-# Points evaluated at once; bounds the memory, changes no result.
-_CHUNK_POINTS = 50_000
+# Points evaluated at once, whose arrays then stay in the cache; changes no result.
+_CHUNK_POINTS = 8192
 # Highest spans whose peaks are searched, and how: each round looks at 25 points and keeps 1.5 spacings on either side.
 CANDIDATES = 8
 _ZOOM_ROUNDS = 5

@@ -4,25 +4,38 @@
 
 #include <stdint.h>
 
-/* Write the interval that holds each time t (n), and the share x of it that has passed.  start and h: (intervals). */
-void law_locate(int64_t intervals, const double *start, const double *h, int64_t n, const double *t, int64_t *interval,
-                double *x);
+/* A time law is a table (intervals, 17), a row each: start and duration h; u, u' and u'' at both ends as tabulated; six
+ * coefficients of the powers of x = (t - start) / h; what the rounding of the nodes can change in u', u'' and the third rate. */
 
-/* Write u, and with rows = 4 its first three time derivatives, of quintics at k points each: out (rows, n, k) at x (n, k) of
- * interval (n).  coefficients (6, intervals) of the powers of x in [0, 1], which h (intervals) takes; u, u' and u'' at both
- * ends of each are those of the table, ends (2, 3, intervals). */
-void law_values(int64_t intervals, const double *h, const double *ends, const double *coefficients, int64_t n,
-                int64_t k, const int64_t *interval, const double *x, int64_t rows, double *out);
+/* Write the table of the quintics between nodes (nodes each), those of double nodes left out; returns how many there are. */
+int64_t law_table(int64_t nodes, const double *t, const double *u, const double *u_rate, const double *u_acceleration,
+                  double *table);
+
+/* Write the interval that holds each time t (n), and the share x of it that has passed.  start: (intervals). */
+void law_locate(int64_t intervals, const double *table, const double *start, int64_t n, const double *t,
+                int64_t *interval, double *x);
 
 /* Write u at each time t (n), held at the last node and within low .. high. */
-void law_parameters(int64_t intervals, const double *start, const double *h, const double *ends,
-                    const double *coefficients, int64_t n, const double *t, double low, double high, double *u);
+void law_parameters(int64_t intervals, const double *table, const double *start, int64_t n, const double *t, double low,
+                    double high, double *u);
+
+/* Write u, and with rows = 4 its first three time derivatives, of quintics at k points each: out (rows, n, k) at x (n, k) of
+ * interval (n). */
+void law_values(const double *table, int64_t n, int64_t k, const int64_t *interval, const double *x, int64_t rows,
+                double *out);
+
+/* Write the place x in [0, 1] at which u passes each of u (n) on interval (n), by bisection. */
+void law_crossings(const double *table, int64_t n, const int64_t *interval, const double *u, double *x);
+
+/* Write k >= 2 equidistant x (n, k) on spans (n) from lower to upper, both ends included exactly. */
+void motion_grid(int64_t n, int64_t k, const int64_t *span, const double *lower, const double *upper, double *x);
 
 /* Write u on spans (n) at k points each, x and u (n, k), within the ends of each span, and whether a point is the last of its
- * span, so that the curve is taken from the left there.  Of all spans: interval, upper (spans) and u_ends (2, spans). */
-void motion_place(int64_t intervals, const double *h, const double *ends, const double *coefficients, int64_t spans,
-                  const int64_t *interval, const double *upper, const double *u_ends, int64_t n, int64_t k,
-                  const int64_t *span, const double *x, double *u, uint8_t *left);
+ * span, so that the curve is taken from the left there; further the time derivatives rates (3, n, k) and their slack (n, 3),
+ * where these are not NULL.  Of all spans: interval, upper (spans) and u_ends (2, spans). */
+void motion_place(const double *table, int64_t spans, const int64_t *interval, const double *upper,
+                  const double *u_ends, int64_t n, int64_t k, const int64_t *span, const double *x, double *u,
+                  uint8_t *left, double *rates, double *slack);
 
 /* Write all quantities of quantities.py and their slack, (4 + 3 dim, n, k), on n spans at k points each, from the derivatives
  * d (4, n k, dim) of the machine axes and p (4, n k, tip) of the tool tip with respect to u (p NULL: the same), the time

@@ -203,7 +203,8 @@ def test_compiled_law_has_the_bits_of_the_plain_one():
     assert all((one == other).all() for one, other in zip(law.at(t), (i, x), strict=True))
     x = np.concatenate([rng.uniform(size=(i.size, 3)), np.zeros((i.size, 1)), np.ones((i.size, 1))], axis=1)
     out = np.empty((4, *x.shape))
-    plain.time_law(law.coefficients, law.h, law.ends, i, x, out)
+    coefficients, ends = law.table[:, 8:14].T, law.table[:, 2:8].T.reshape(2, 3, -1)
+    plain.time_law(coefficients, law.h, ends, i, x, out)
     assert (law.value(i, x) == out[0]).all()
     assert (law.rates(i, x) == out[1:]).all()
     low, high = 0.1, 5.0  # u at a time, held at the end of the law, within a range
