@@ -24,7 +24,6 @@ ELSEWHERE = {
     "feedplan/test_verdict.py": ("feedplan.verdict_text",),
     "geometry/test_curve.py": ("planner.geometry.continuity", "planner.geometry.fit"),
     "geometry/test_drawing.py": ("planner.geometry.points",),
-    "geometry/test_nurbs.py": ("planner.geometry.tape",),
     "interp/literature/test_greedy.py": ("interp.literature.greedy_published", "interp.literature.greedy_setup"),
     "output/test_certificate_file.py": ("planner.certificate",),
     "output/test_plots.py": ("planner.output.figures", "planner.output.panel_choice", "planner.output.plan_panels"),

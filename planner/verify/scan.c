@@ -2,18 +2,27 @@
 #include "planner/verify/peaks_inline.h"
 #include "planner/verify/verify.h"
 
-/* Sizes of the quantities less their slack at all points of a span, work (rows, k). */
-INLINED void use_of_block(const Quantities *block, int64_t rows, int64_t count, int64_t k, double *work)
+/* Size of a quantity less its slack.  Backwards counts only what is backwards; what is not a number is beyond every limit. */
+INLINED void use_of(const Quantities *block, int64_t row, int64_t count, double *restrict used)
 {
-    for (int64_t row = 0; row < rows; row++) {
-        const double *value = block->value[row], *granted = block->granted[row];
-        double *restrict used = work + row * k;
-        for (int64_t point = 0; point < count; point++) {
-            /* Backwards counts only what is backwards; what is not a number is beyond every limit. */
-            const double less = (row == REVERSAL ? value[point] : fabs(value[point])) - granted[point];
-            used[point] = less < INFINITY ? less : INFINITY;
-        }
+    const double *value = block->value[row], *granted = block->granted[row];
+    for (int64_t point = 0; point < count; point++) {
+        const double less = (row == REVERSAL ? value[point] : fabs(value[point])) - granted[point];
+        used[point] = less < INFINITY ? less : INFINITY;
     }
+}
+
+HOT void scan_used(int64_t n, int64_t k, int64_t dim, int64_t tip, const double *d, const double *p, const double *rates,
+                   const double *slack, const int64_t *row, double *used)
+{
+    const States states = {n * k, dim, tip, d, p, rates};
+    Quantities block;
+    for (int64_t i = 0; i < n; i++)
+        for (int64_t first = 0; first < k; first += BLOCK) {
+            const int64_t count = k - first < BLOCK ? k - first : BLOCK;
+            measure_block(&states, i * k + first, count, slack + 3 * i, &block);
+            use_of(&block, row[i], count, used + i * k + first);
+        }
 }
 
 HOT void scan_measure(int64_t n, int64_t k, int64_t dim, int64_t tip, const double *d, const double *p,
@@ -27,7 +36,8 @@ HOT void scan_measure(int64_t n, int64_t k, int64_t dim, int64_t tip, const doub
         for (int64_t first = 0; first < k; first += BLOCK) {
             const int64_t count = k - first < BLOCK ? k - first : BLOCK;
             measure_block(&states, i * k + first, count, slack + 3 * i, &block);
-            use_of_block(&block, rows, count, k, work + first);
+            for (int64_t row = 0; row < rows; row++)
+                use_of(&block, row, count, work + row * k + first);
             if (first == 0)
                 for (int64_t row = 0; row < rows; row++)
                     ends[row * n + i] = block.value[row][0];

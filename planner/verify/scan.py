@@ -99,8 +99,11 @@ def worst_of(motion: Motion, scan: Scan, density: int) -> Iterator[tuple[str, in
     every = np.arange(span.size)
 
     def height(x: FloatArray) -> FloatArray:
-        values, slack = motion.measure(span, x)
-        return _used(sizes_of(values)[quantity, every], slack[quantity, every])
+        d, p, cartesian, rates, slack = motion.states(span, x)
+        used = np.empty(x.shape)
+        of_tip = p.shape[2], d, None if cartesian else p
+        core.scan_used(*x.shape, motion.curve.dim, *of_tip, rates, slack, quantity, used)
+        return used
 
     lower, upper = motion.lower[span], motion.upper[span]
     x = zoom(height, scan.top_x.reshape(-1), (upper - lower) / (density - 1), lower, upper)[:, None]

@@ -51,6 +51,10 @@ void scan_measure(int64_t n, int64_t k, int64_t dim, int64_t tip, const double *
                   const double *slack, const double *x, double *ends, double *height, double *place, double *largest,
                   double *jerk, double *feed, double *feed_place, double *work);
 
+/* Write the size less its slack of one quantity a span, row (n), at its points: used (n, k). */
+void scan_used(int64_t n, int64_t k, int64_t dim, int64_t tip, const double *d, const double *p, const double *rates,
+               const double *slack, const int64_t *row, double *used);
+
 /* Write the largest distance from each of n chords to the path above it, and its point.  Chord i runs from points[i stride]
  * to points[i stride + parts], (., dim); the distance is that to the segment.  work: dim numbers for each point, and 2 parts + 2. */
 void chord_heights(int64_t n, int64_t dim, int64_t stride, int64_t parts, const double *points, double *height,
