@@ -29,6 +29,7 @@ BINDING_TOLERANCE = 1e-3  # of a limit
 # largest, to acceleration and jerk against the terms of which they are the sum.
 _PLACE, _FEED, _RATE = 1e-9, 1e-9, 1e-9
 _NO_DIGITS = 1e-300  # mm/s^2, mm/s^3; numbers as small as these, and what they are made of, have lost their digits
+_HUGE = float(np.finfo(np.float64).max)  # in place of what overflows
 _SLACKS = 4.0  # as many times what the rounding of the tabulated numbers can change in a jerk
 
 
@@ -110,39 +111,44 @@ class Nodes:
 
         A use that is no number counts as none.
         """
+        labels, share, slack = self._uses(limits)
+        return dict(zip(labels, zip(share, slack, strict=True), strict=True))
+
+    def _uses(self, limits: Limits) -> tuple[list[str], FloatArray, FloatArray]:
+        """Names of the limits (k), how much of each is used and what rounding can change in that, (k, n)."""
         profile, curve = self.profile, self.curve
-        size, none = sizes_of(self.values), np.zeros(profile.t.size)
-        caps = np.full(none.size, limits.feed)
+        size, count = sizes_of(self.values), profile.t.size
+        caps: FloatArray | float = limits.feed
         if curve.feed_caps is not None:
             u = np.clip(profile.u, *curve.domain)
             own = curve.feed_caps.at(u, np.asarray(self.left, dtype=np.bool_))
-            caps = np.where(np.isinf(own), limits.rapid, np.minimum(caps, own))
-        slowed = _slowed(profile)
-        chord = _chord_share(
-            _bend(self.tip), size[0] * limits.period, limits.chord_error
-        )  # of its length, not its error
-        found = {NONE: (none + BINDING_SHARE, none), FEED.label: (size[0] / caps * slowed, none)}
-        found[CHORD_ERROR.label] = (chord * slowed, none)
+            caps = np.where(np.isinf(own), limits.rapid, np.minimum(limits.feed, own))
+        slowed = _slowed(profile) if profile.slowed else np.float64(1.0)
+        # Of the chord its length, not its error.
+        chord = _chord_share(_bend(self.tip), size[0] * limits.period, limits.chord_error)
+        rows = [(row, with_label(name), j) for row, (name, j) in enumerate(names(curve.dim))]
+        others = [(row, quantity, j) for row, quantity, j in rows if quantity is not None and quantity is not FEED]
+        labels = [NONE, FEED.label, CHORD_ERROR.label]
+        share, slack = np.zeros((2, len(labels) + len(others), count))
         with np.errstate(over="ignore", invalid="ignore"):
-            for row, (name, j) in enumerate(names(curve.dim)):
-                quantity = with_label(name)
-                if quantity is None or quantity is FEED:
-                    continue
+            share[0], share[1], share[2] = BINDING_SHARE, size[0] / caps * slowed, chord * slowed
+            for at, (row, quantity, j) in enumerate(others, start=len(labels)):
                 rate, allowed = slowed**quantity.power, limits.of(quantity)[max(j, 0)]
-                shares = (size[row] * rate / allowed, self.slack[row] * rate / allowed)
-                axis = curve.axes[j] if j >= 0 else ""
-                found[quantity.of(axis)] = (np.nan_to_num(shares[0]), np.nan_to_num(shares[1]))
-        return found
+                np.divide(size[row] * rate, allowed, out=share[at])
+                np.divide(self.slack[row] * rate, allowed, out=slack[at])
+                labels.append(quantity.of(curve.axes[j] if j >= 0 else ""))
+        return labels, np.fmin(np.fmax(share, 0.0), _HUGE), np.fmin(np.fmax(slack, 0.0), _HUGE)
 
     def misnamed(self, limits: Limits) -> IntArray:
         """Nodes at which another limit is used more than the one that is named."""
         profile = self.profile
-        found = self.shares(limits)
-        share = np.stack([found.get(name, (np.full(profile.t.size, -np.inf), 0.0))[0] for name in profile.limit_names])
-        every, slack = (np.stack([item[k] for item in found.values()]) for k in (0, 1))
+        labels, every, slack = self._uses(limits)
+        row = np.array([labels.index(name) if name in labels else -1 for name in profile.limit_names])
         known = (profile.binding >= 0) & (profile.binding < len(profile.limit_names))
-        named = share[np.where(known, profile.binding, 0), np.arange(profile.t.size)]
-        granted = BINDING_TOLERANCE + _SLACKS * np.where(every >= named - BINDING_TOLERANCE, slack, 0.0).max(axis=0)
+        at = row[np.where(known, profile.binding, 0)]
+        named = np.where(at >= 0, every[at, np.arange(profile.t.size)], -np.inf)
+        near = np.where(every >= named - BINDING_TOLERANCE, slack, 0.0)
+        granted = BINDING_TOLERANCE + _SLACKS * near.max(axis=0)
         return np.flatnonzero(~known | ~(named >= every.max(axis=0) - granted))
 
 

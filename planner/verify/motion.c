@@ -162,17 +162,15 @@ HOT void motion_place(const double *table, int64_t spans, const int64_t *interva
 HOT void motion_measure(int64_t n, int64_t k, int64_t dim, int64_t tip, const double *d, const double *p,
                         const double *rates, const double *slack, double *values, double *granted)
 {
-    const States states = {n * k, dim, tip, d, p, rates};
-    const int64_t rows = FIRST_AXIS + 3 * dim;
+    const States states = {n * k, dim, tip, d, p, rates, slack, k};
+    const int64_t rows = FIRST_AXIS + 3 * dim, points = n * k;
     Quantities block;
-    for (int64_t i = 0; i < n; i++)
-        for (int64_t first = 0; first < k; first += BLOCK) {
-            const int64_t count = k - first < BLOCK ? k - first : BLOCK, at = i * k + first;
-            measure_block(&states, at, count, slack + 3 * i, &block);
-            for (int64_t row = 0; row < rows; row++)
-                for (int64_t point = 0; point < count; point++) {
-                    values[row * n * k + at + point] = block.value[row][point];
-                    granted[row * n * k + at + point] = block.granted[row][point];
-                }
+    for (int64_t first = 0; first < points; first += BLOCK) {
+        const int64_t count = points - first < BLOCK ? points - first : BLOCK;
+        measure_block(&states, first, count, &block);
+        for (int64_t row = 0; row < rows; row++) {
+            memcpy(values + row * points + first, block.value[row], (size_t)count * sizeof(double));
+            memcpy(granted + row * points + first, block.granted[row], (size_t)count * sizeof(double));
         }
+    }
 }

@@ -26,17 +26,19 @@ typedef struct {
 /* Time derivatives of u at the points of a block, and what rounding can change in them. */
 typedef struct {
     Points u1, u2, u3;
-    double slack[3];
+    Points off1, off2, off3;
 } Rates;
 
 typedef struct {
     Points value[ROWS], granted[ROWS];
 } Quantities;
 
-/* The arrays of a pass: derivatives of axes d (4, points, dim) and tip p (4, points, tip; NULL: the same), rates (3, points). */
+/* The arrays of a pass: derivatives of axes d (4, points, dim) and tip p (4, points, tip; NULL: the same), rates (3, points), and
+ * what rounding can change in these, slack (., 3), a row for so many points each. */
 typedef struct {
     int64_t points, dim, tip;
-    const double *d, *p, *rates;
+    const double *d, *p, *rates, *slack;
+    int64_t each;
 } States;
 
 /* Sums over the coordinates of the tip at the points of a block. */
@@ -58,12 +60,13 @@ INLINED void path_load(Path *path, int64_t points, int64_t dim, const double *d,
     }
 }
 
-/* What errors of up to slack in the time derivatives of u can change in those of C, to first order and beyond: the chain rule
+/* What errors of up to off1, off2 and off3 in the time derivatives of u can change in those of C, to first order and beyond: the chain rule
  * takes no larger value than from the sizes of all its terms. */
-INLINED Triple rounded(double c1, double c2, double c3, double u1, double u2, double u3, const double *slack)
+INLINED Triple rounded(double c1, double c2, double c3, double u1, double u2, double u3, double off1, double off2,
+                       double off3)
 {
     c1 = fabs(c1), c2 = fabs(c2), c3 = fabs(c3), u1 = fabs(u1), u2 = fabs(u2), u3 = fabs(u3);
-    const Triple high = chain_rule(c1, c2, c3, u1 + slack[0], u2 + slack[1], u3 + slack[2]);
+    const Triple high = chain_rule(c1, c2, c3, u1 + off1, u2 + off2, u3 + off3);
     const Triple low = chain_rule(c1, c2, c3, u1, u2, u3);
     const Triple change = {high.first - low.first, high.second - low.second, high.third - low.third};
     return change;
@@ -79,7 +82,7 @@ INLINED void measure_coordinate(const Path *path, int64_t j, const Rates *rates,
     for (int64_t k = 0; k < count; k++) {
         const double u1 = rates->u1[k], u2 = rates->u2[k], u3 = rates->u3[k];
         const Triple here = chain_rule(c1[k], c2[k], c3[k], u1, u2, u3);
-        const Triple off = rounded(c1[k], c2[k], c3[k], u1, u2, u3, rates->slack);
+        const Triple off = rounded(c1[k], c2[k], c3[k], u1, u2, u3, rates->off1[k], rates->off2[k], rates->off3[k]);
         v1[k] = here.first, v2[k] = here.second, v3[k] = here.third;
         off1[k] = off.first, off2[k] = off.second, off3[k] = off.third;
     }
@@ -145,7 +148,7 @@ INLINED void measure_tip(const Path *path, int cartesian, const Rates *rates, in
         }
     }
     for (int64_t k = 0; k < count; k++) {
-        const double u1 = rates->u1[k], size = fabs(u1), wide = size + rates->slack[0];
+        const double u1 = rates->u1[k], size = fabs(u1), wide = size + rates->off1[k];
         const double turning = tip.turn[k] / tip.speed[k], turn = tip.speed[k] > 0.0 ? turning : 0.0;
         out->value[FEED][k] = tip.speed[k] * u1;
         out->value[ALONG_ACCELERATION][k] = tip.second[k];
@@ -156,21 +159,27 @@ INLINED void measure_tip(const Path *path, int cartesian, const Rates *rates, in
     }
 }
 
-/* Measure count points, at most BLOCK, from the first on; slack (3): what rounding can change in their rates. */
-INLINED void measure_block(const States *states, int64_t first, int64_t count, const double *slack, Quantities *out)
+/* Measure count points, at most BLOCK, from the first on. */
+INLINED void measure_block(const States *states, int64_t first, int64_t count, Quantities *out)
 {
     Path axes, tip;
     Rates rates;
     const int64_t dim = states->dim, points = states->points;
     path_load(&axes, points, dim, states->d, first, count);
-    for (int i = 0; i < 3; i++)
-        rates.slack[i] = slack[i];
+    const double *slack = states->slack + first / states->each * 3;
+    for (int64_t k = 0, within = first % states->each; k < count; k++) {
+        rates.off1[k] = slack[0], rates.off2[k] = slack[1], rates.off3[k] = slack[2];
+        if (++within == states->each) {
+            within = 0;
+            slack += 3;
+        }
+    }
     for (int64_t k = 0; k < count; k++) {
         rates.u1[k] = states->rates[first + k];
         rates.u2[k] = states->rates[points + first + k];
         rates.u3[k] = states->rates[2 * points + first + k];
         out->value[REVERSAL][k] = -rates.u1[k];
-        out->granted[REVERSAL][k] = slack[0];
+        out->granted[REVERSAL][k] = rates.off1[k];
     }
     for (int64_t j = 0; j < dim; j++)
         measure_coordinate(&axes, j, &rates, count, dim, out->value + FIRST_AXIS + j, out->granted + FIRST_AXIS + j);

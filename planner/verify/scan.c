@@ -15,12 +15,12 @@ INLINED void use_of(const Quantities *block, int64_t row, int64_t count, double 
 HOT void scan_used(int64_t n, int64_t k, int64_t dim, int64_t tip, const double *d, const double *p, const double *rates,
                    const double *slack, const int64_t *row, double *used)
 {
-    const States states = {n * k, dim, tip, d, p, rates};
+    const States states = {n * k, dim, tip, d, p, rates, slack, k};
     Quantities block;
     for (int64_t i = 0; i < n; i++)
         for (int64_t first = 0; first < k; first += BLOCK) {
             const int64_t count = k - first < BLOCK ? k - first : BLOCK;
-            measure_block(&states, i * k + first, count, slack + 3 * i, &block);
+            measure_block(&states, i * k + first, count, &block);
             use_of(&block, row[i], count, used + i * k + first);
         }
 }
@@ -29,13 +29,13 @@ HOT void scan_measure(int64_t n, int64_t k, int64_t dim, int64_t tip, const doub
                       const double *rates, const double *slack, const double *x, double *ends, double *height,
                       double *place, double *largest, double *jerk, double *feed, double *feed_place, double *work)
 {
-    const States states = {n * k, dim, tip, d, p, rates};
+    const States states = {n * k, dim, tip, d, p, rates, slack, k};
     const int64_t rows = FIRST_AXIS + 3 * dim;
     Quantities block;
     for (int64_t i = 0; i < n; i++) {
         for (int64_t first = 0; first < k; first += BLOCK) {
             const int64_t count = k - first < BLOCK ? k - first : BLOCK;
-            measure_block(&states, i * k + first, count, slack + 3 * i, &block);
+            measure_block(&states, i * k + first, count, &block);
             for (int64_t row = 0; row < rows; row++)
                 use_of(&block, row, count, work + row * k + first);
             if (first == 0)

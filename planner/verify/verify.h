@@ -55,6 +55,12 @@ void scan_measure(int64_t n, int64_t k, int64_t dim, int64_t tip, const double *
 void scan_used(int64_t n, int64_t k, int64_t dim, int64_t tip, const double *d, const double *p, const double *rates,
                const double *slack, const int64_t *row, double *used);
 
+/* Write the size of the mean jerk of every axis over intervals (n), and what rounding can make of it: mean and slack (dim, n).
+ * Of both ends of each: derivatives d (4, 2 n, dim), rates (3, n, 2) and u (n, 2); start and duration h; gap between the knots of
+ * the curve around it. */
+void meanjerk_measure(int64_t n, int64_t dim, const double *d, const double *rates, const double *u, const double *start,
+                      const double *h, const double *gap, double *mean, double *slack);
+
 /* Write the largest distance from each of n chords to the path above it, and its point.  Chord i runs from points[i stride]
  * to points[i stride + parts], (., dim); the distance is that to the segment.  work: dim numbers for each point, and 2 parts + 2. */
 void chord_heights(int64_t n, int64_t dim, int64_t stride, int64_t parts, const double *points, double *height,
