@@ -12,18 +12,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from planner.compiled import core
 from planner.errors import InputError
 from planner.frames import Tabular
 from planner.geometry.continuity import MAX_DERIVATIVE
 from planner.geometry.curve import Curve
-from planner.geometry.differential import chain_rule, curvature, rates_along
+from planner.geometry.differential import rates_along
 from planner.inputs import coordinates, shorten
-from planner.law import TimeLaw, quintic_coefficients
-from planner.machine.feed_limits import chord_feed_limit, commanded_feed
+from planner.law import TimeLaw
+from planner.machine.feed_limits import commanded_feed
 from planner.machine.limit_rows import limit_rows
 from planner.machine.limits import Limits
 from planner.origin import Origin
-from planner.quantity import CHORD_ERROR, FEED, NONE, limit_names
+from planner.quantity import CHORD_ERROR, FEED, limit_names
 from planner.samples import axis_columns
 from planner.status import Claim, Status, Work
 from planner.types import FloatArray
@@ -266,20 +267,11 @@ def make_profile(
     )
     inner = np.diff(t) > 0.0
     gap = np.where(inner, np.diff(t), 1.0)
-    c = quintic_coefficients(gap, (u[:-1], rate[:-1], acceleration[:-1]), (u[1:], rate[1:], acceleration[1:]))
-    at_start = 6.0 * c[3]
-    at_end = 6.0 * c[3] + gap * (24.0 * c[4] + gap * 60.0 * c[5])
     # A node takes the jerk of the interval after it; before a break, and at the end, of the one before it.
     forward = np.append(inner, False)
-    jerk = np.where(forward, np.append(at_start, 0.0), np.append(0.0, at_end))
-    states = (u, rate, acceleration, jerk)
-    q = curve.pieces.evaluate(u, MAX_DERIVATIVE, ~forward)
-    tip = q if curve.tip is curve else curve.tip.pieces.evaluate(u, MAX_DERIVATIVE, ~forward)
-    along = np.stack(rates_along(tip, *states[1:]))
-    commanded = commanded_feed(curve, limits, u, ~forward)
-    names, binding = _binding(
-        curve, limits, states, along, q, tip, commanded, np.ones_like(t) if slowed is None else slowed
-    )
+    jerk = np.empty_like(t)
+    core.profile_jerk(t.size, u, rate, acceleration, forward, gap, np.stack([gap**3, gap**4, gap**5]), jerk)
+    names, along, binding = _binding(curve, limits, np.stack([u, rate, acceleration, jerk]), ~forward, slowed)
     s = curve.arclength.s(u)
     kept: tuple[tuple[int, float], ...] = ()
     if slowed is not None and slowed.max() > _WORTH_KEEPING:
@@ -303,29 +295,41 @@ def make_profile(
 
 
 def _binding(
-    curve: Curve,
-    limits: Limits,
-    law: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
-    along: FloatArray,
-    q: FloatArray,
-    tip: FloatArray,
-    commanded: FloatArray,
-    slowed: FloatArray,
-) -> tuple[tuple[str, ...], NDArray[np.int8]]:
-    """Name, at each node, the limit with the largest share used, if it is nearly used up."""
-    u, u1, u2, u3 = law
-    axis_rates = np.stack(chain_rule(q[1], q[2], q[3], u1[:, None], u2[:, None], u3[:, None]))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        chord = along[0] / chord_feed_limit(curvature(tip), limits)
-    used = {
-        NONE: np.full(u.size, BINDING_SHARE),
-        FEED.label: along[0] * slowed / commanded,
-        CHORD_ERROR.label: np.nan_to_num(chord * slowed, nan=0.0, posinf=0.0),
-    }
-    for row in limit_rows(limits.on(curve)):
-        rates = along if row.along else axis_rates[:, :, row.motion]
-        terms = [w * rate * slowed**k for k, (w, rate) in enumerate(zip(row.weights, rates, strict=True), start=1) if w]
-        value = np.sum(terms, axis=0)
-        used[row.name] = value / np.where(value > 0.0, row.upper, row.lower)
-    names, unlimited = limit_names(curve.axes), np.zeros(u.size)
-    return names, np.argmax(np.stack([used.get(name, unlimited) for name in names]), axis=0).astype(np.int8)
+    curve: Curve, limits: Limits, law: FloatArray, left: NDArray[np.bool_], slowed: FloatArray | None
+) -> tuple[tuple[str, ...], FloatArray, NDArray[np.int8]]:
+    """Name, at each node, the limit with the largest share used, if it is nearly used up.
+
+    Parameters
+    ----------
+    curve : Curve
+    limits : Limits
+    law : (4, n) array
+        u and its first three time derivatives.
+    left : (n,) bool array
+        Nodes at which the path is taken from the left.
+    slowed : (n,) array, optional
+        By which factor each was slowed down.
+
+    Returns
+    -------
+    names : tuple of str
+    along : (3, n) array
+        Time derivatives of the arc length of the tip.
+    binding : (n,) int array
+        Index into the names.
+    """
+    u, n = law[0], law.shape[1]
+    q = curve.pieces.evaluate(u, MAX_DERIVATIVE, left)
+    tip = q if curve.tip is curve else curve.tip.pieces.evaluate(u, MAX_DERIVATIVE, left)
+    names = limit_names(curve.axes)
+    rows = sorted(limit_rows(limits.on(curve)), key=lambda row: names.index(row.name))
+    along, binding = np.empty((3, n)), np.empty(n, dtype=np.uint8)
+    cubes = None if slowed is None else slowed**3
+    core.profile_binding(
+        *(n, curve.dim, tip.shape[2], q, tip, law[1:], law[1] ** 3, slowed, cubes),
+        *(commanded_feed(curve, limits, u, left), limits.chord_error, limits.period, len(rows)),
+        np.array([(*row.weights, row.lower, row.upper) for row in rows], dtype=np.float64).reshape(-1, 5),
+        np.array([(row.motion, names.index(row.name)) for row in rows], dtype=np.int64).reshape(-1, 2),
+        *(names.index(FEED.label), names.index(CHORD_ERROR.label), BINDING_SHARE, along, binding),
+    )
+    return names, along, binding.astype(np.int8)

@@ -10,8 +10,19 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from cases import MILL, line_arc_line, mill, square
+from profile_reference import binding_at_nodes
 
-from planner import FeedrateProfile, InputError, Limits, check, load_curve, write_table
+from planner import (
+    FeedrateProfile,
+    InputError,
+    Limits,
+    check,
+    load_curve,
+    load_limits,
+    plan_feedrate,
+    write_table,
+)
 from planner.geometry.curve import Curve
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
@@ -234,3 +245,46 @@ def test_a_plan_and_samples_are_shown_in_two_lines() -> None:
     )
     assert "lower bound there is none" not in repr(replace(profile, lower_bound=np.nan))
     assert repr(samples).startswith("Samples: 1000, one every 1 ms until 0.999 s, of X Y\n")
+
+
+NODES = {
+    "teardrop": (lambda: load_curve("teardrop"), MILL, {}),
+    "feed, chord and tangential limits": (
+        lambda: load_curve("butterfly", scale=10.0),
+        mill(300.0, chord_error=1e-4, tangential_acceleration=700.0, tangential_jerk=9e3),
+        {},
+    ),
+    "double nodes at stops": (lambda: square(10.0), MILL, {}),
+    "curvature jumps": (line_arc_line, MILL, {}),
+    "five axes": (lambda: load_curve("flank"), load_limits("five-axis"), {}),
+    "no jerk limit": (lambda: load_curve("teardrop"), Limits(100.0, [250] * 2, [900] * 2, [np.inf] * 2), {}),
+}
+
+
+@pytest.mark.parametrize("case", NODES)
+def test_what_binds_is_what_arrays_say(case):
+    make, limits, options = NODES[case]
+    curve = make()
+    law = plan_feedrate(curve, limits, intervals=120, **options).law
+    for slowed in (None, np.linspace(1.0, 1.3, law.t.size)):
+        profile = make_profile(curve, limits, law, method="given", slowed=slowed)
+        along, names = binding_at_nodes(curve, limits, law, np.ones(law.t.size) if slowed is None else slowed)
+        found = np.stack([profile.feed, profile.acceleration, profile.jerk])
+        if curve.dim == 2:
+            np.testing.assert_array_equal(found, along)
+        else:  # sums of three products and more, in another order
+            assert (np.abs(found - along) <= 1e-12 * np.abs(along).max(axis=1, keepdims=True)).all()
+        assert [profile.limit_names[k] for k in profile.binding] == names
+        assert len(set(names)) > 1
+
+
+def test_a_share_that_is_no_number_is_named():
+    """As by argmax: a defect is not passed over."""
+    law = law_of(1.0, -2.0, 3.0)
+    rate = law.u_rate.copy()
+    rate[4] = np.nan
+    broken = TimeLaw(law.t, law.u, rate, law.u_acceleration)
+    profile = make_profile(LINE, limits_with(), broken, method="given")
+    names = binding_at_nodes(LINE, limits_with(), broken, np.ones(law.t.size))[1]
+    assert [profile.limit_names[k] for k in profile.binding] == names
+    assert names[4] != "none"

@@ -3,24 +3,19 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.compiled import core
 from planner.errors import CurveError, SolverError
 from planner.geometry.curve import Curve
 from planner.geometry.differential import dot
 from planner.law import TimeLaw
-from planner.types import FloatArray
 
 # What makes a curve one for which no plan was found: a digit of u against the length of the path, and |C'| against its
 # largest value on a piece.
 _DIGIT, _SLOW = 1e-9, 1e-5
 _SAMPLES = 64  # a piece
-_BACKWARD = 1e-9  # of the largest rate of u: slower than that is rounding
-_POINTS = 32
-# Row k: the Bernstein coefficients of w^k, of degree 4, on [0, 1].
-_BERNSTEIN = np.array(
-    [[1, 1, 1, 1, 1], [0, 1 / 4, 1 / 2, 3 / 4, 1], [0, 0, 1 / 6, 1 / 2, 1], [0, 0, 0, 1 / 4, 1], [0, 0, 0, 0, 1]]
-)
+# What the compiled look finds, by its number.
+_DEFECTS = ("", "is not finite", "falls back from one node to the next", "falls back between two nodes")
 
 
 def require_law(curve: Curve, law: TimeLaw) -> None:
@@ -31,20 +26,17 @@ def require_law(curve: Curve, law: TimeLaw) -> None:
     SolverError
         If a number is not finite, or t or u falls back from node to node or between two.
     """
-    require_finite_law(curve, law)
-    behind = (np.diff(law.t) < 0.0) | (np.diff(law.u) < 0.0)
-    if behind.any():
-        raise _no_law(curve, law, int(np.argmax(behind)), "falls back from one node to the next")
-    back = _falls_back(law)
-    if back.any():
-        raise _no_law(curve, law, int(np.argmax(back)), "falls back between two nodes")
+    at = np.empty(1, dtype=np.int64)
+    defect = core.guard_first_defect(law.t.size, law.t, law.u, law.u_rate, law.u_acceleration, at)
+    if defect:
+        raise _no_law(curve, law, int(at[0]), _DEFECTS[defect])
 
 
 def require_finite_law(curve: Curve, law: TimeLaw) -> None:
     """Refuse a law with a number that is not finite."""
     unknown = ~np.isfinite([law.t, law.u, law.u_rate, law.u_acceleration]).all(axis=0)
     if unknown.any():
-        raise _no_law(curve, law, int(np.argmax(unknown)), "is not finite")
+        raise _no_law(curve, law, int(np.argmax(unknown)), _DEFECTS[1])
 
 
 def _no_law(curve: Curve, law: TimeLaw, at: int, what: str) -> SolverError:
@@ -55,22 +47,6 @@ def _no_law(curve: Curve, law: TimeLaw, at: int, what: str) -> SolverError:
         f"{curve.name}: no plan found near u = {u:.9g}, where the time law that was found {what}; split the curve there, "
         "or ask for more intervals"
     )
-
-
-def _falls_back(law: TimeLaw) -> NDArray[np.bool_]:
-    """Intervals (n - 1,) in which u' < 0 beyond rounding; the Bernstein coefficients of u' tell where to look."""
-    out = np.zeros(law.t.size - 1, dtype=np.bool_)
-    full = np.flatnonzero(np.diff(law.t) > 0.0)
-    h = np.diff(law.t)[full]
-    power = law.coefficients(full)[1:] * np.arange(1.0, 6.0)[:, None] * h ** np.arange(5)[:, None]
-    digit = np.finfo(np.float64).eps * (np.abs(law.u[full + 1]) + np.abs(law.u_rate[full]) * law.t[full + 1])
-    allowed = _BACKWARD * float(np.abs(law.u_rate).max(initial=0.0)) + 4.0 * digit / h
-    least: FloatArray = (_BERNSTEIN.T @ power).min(axis=0)
-    doubtful = np.flatnonzero(least < -allowed)
-    w = np.linspace(0.0, 1.0, _POINTS + 1)
-    rate = np.einsum("ki,kp->ip", power[:, doubtful], w ** np.arange(5)[:, None])
-    out[full[doubtful]] = (rate < -allowed[doubtful, None]).any(axis=1)
-    return out
 
 
 def explained(curve: Curve, error: SolverError, start: float, end: float) -> SolverError | CurveError:

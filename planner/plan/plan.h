@@ -29,6 +29,11 @@ int64_t utilisation_shares(int64_t pieces, int64_t dim, int64_t terms, const dou
  * is granted, into top (1); returns whether a peak between them may be higher and decide.  For its test. */
 int64_t utilisation_peak(int64_t parts, const double *values, double granted, double *top);
 
+/* Say what keeps n nodes from being a time law: 0 nothing, 1 a number that is not finite, 2 t or u that falls back from a node to
+ * the next, 3 u that does beyond rounding between two; at (1): the first such node. */
+int64_t guard_first_defect(int64_t n, const double *t, const double *u, const double *rate, const double *acceleration,
+                           int64_t *at);
+
 /* What limits the speed at n points, where all is seen along the weighted arc length of the axes: into found (5, n) the feed that
  * every velocity, acceleration by the curvature, feed and chord error allows, and the cube of that by jerk alone; the tangential
  * acceleration and jerk that the axes allow; the curvature.  inf where nothing limits.
