@@ -29,6 +29,15 @@ int64_t utilisation_shares(int64_t pieces, int64_t dim, int64_t terms, const dou
  * is granted, into top (1); returns whether a peak between them may be higher and decide.  For its test. */
 int64_t utilisation_peak(int64_t parts, const double *values, double granted, double *top);
 
+/* The highest curvatures beside the samples, 16 a piece, of count pieces from the first on, at which it may reach 1 / radius: their
+ * places and themselves into u_found and bend_found (each 32 count); returns how many.  Two for each such sample, one from the
+ * least |C'| beside it.  The radius is the given one, or of_digit times the way that a digit of u is worth if that is larger.
+ * weights (dim) of the axes; scratch (6, 16 count). */
+int64_t stops_sharpest(int64_t pieces, int64_t dim, int64_t terms, const double *breaks, const double *coefficients,
+                       int64_t rational, const uint8_t *resting, const double *origin, const double *weights,
+                       int64_t first, int64_t count, double least_radius, double of_digit, double *scratch,
+                       double *u_found, double *bend_found);
+
 /* Say what keeps n nodes from being a time law: 0 nothing, 1 a number that is not finite, 2 t or u that falls back from a node to
  * the next, 3 u that does beyond rounding between two; at (1): the first such node. */
 int64_t guard_first_defect(int64_t n, const double *t, const double *u, const double *rate, const double *acceleration,

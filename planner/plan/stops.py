@@ -15,20 +15,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from planner.geometry.curve import Curve, golden_minimum
-from planner.geometry.differential import curvature, dot
+from planner.compiled import core
+from planner.geometry.curve import Curve
+from planner.geometry.differential import dot
 from planner.machine.limits import Limits
 from planner.types import FloatArray
 
 _MIN_RADIUS = 8e-4  # times A^3 / J^2
-_SAMPLES = 16  # a piece
+_SAMPLES = 16  # a piece, as in stops.c
 _BLOCK = 4096  # pieces at a time, which bounds the memory
-_WORTH_REFINING = 0.1  # of the curvature at which a bend is a corner
-_PASSES = 48  # of the golden section, 1e-10 of the interval
-_NEAR = 1e-3  # of the interval between samples
-_SLOW = 0.5  # |C'| against its values around
 _HIDDEN = 1e3  # length of its span over the radius of a bend
 # Radius over the extent of the path, and over the way that a digit of u is worth, below which a plan cannot tell a bend from
 # a corner: passing it takes no longer than the nodes must be apart.
@@ -86,56 +82,29 @@ def tight_bends(curve: Curve, limits: Limits, weights: FloatArray, *, hidden: bo
     extent = np.ptp(curve.pieces.evaluate(edges, 0, False)[0] * weights, axis=0)
     radius = max(radius, _OF_EXTENT * float(np.sqrt(dot(extent, extent))))
 
-    def weighted(u: FloatArray) -> FloatArray:
-        d = curve.pieces.evaluate(u, 2, False)
-        d[1:] *= weights
-        return d
-
-    found: list[tuple[FloatArray, FloatArray]] = []
-    for first in range(0, edges.size - 1, _BLOCK):
-        block = edges[first : first + _BLOCK + 1]
-        share = (np.arange(_SAMPLES) + 0.5) / _SAMPLES
-        u = (block[:-1, None] + np.diff(block)[:, None] * share).reshape(-1)
-        d = weighted(u)
-        local = np.maximum(radius, _unresolved(curve, weights, u))
-        at = _candidates(d, local)
-        if at.size == 0:
-            continue
-        lo = np.where(at > 0, u[np.maximum(at - 1, 0)], block[0])
-        hi = np.where(at < u.size - 1, u[np.minimum(at + 1, u.size - 1)], block[-1])
-        # First to where the curve is slowest, next to which its curvature has its peak; then to the peak, there and here.
-        slow, least = golden_minimum(lambda x: dot(*[weighted(x)[1]] * 2), lo, hi, _PASSES)
-        reach = np.minimum(hi - lo, 4.0 * np.sqrt(least) * local[at] + _NEAR * (hi - lo))
-        a, b = (
-            np.concatenate(ends) for ends in ((np.maximum(slow - reach, lo), lo), (np.minimum(slow + reach, hi), hi))
-        )
-        top, negative = golden_minimum(lambda x: -curvature(weighted(x)), a, b, _PASSES)
-        found.append((top, -negative))
+    found = [
+        _sharpest(curve, weights, radius, first, min(_BLOCK, edges.size - 1 - first))
+        for first in range(0, edges.size - 1, _BLOCK)
+    ]
     return _separate(curve, weights, radius, _HIDDEN if hidden else 0.0, found)
+
+
+def _sharpest(
+    curve: Curve, weights: FloatArray, radius: float, first: int, count: int
+) -> tuple[FloatArray, FloatArray]:
+    """Places and curvatures of what may be tight bends on ``count`` pieces from the first on."""
+    scratch = np.empty((6, _SAMPLES * count))
+    found = np.empty((2, 2 * _SAMPLES * count))
+    size = core.stops_sharpest(*curve.pieces.arguments, weights, first, count, radius, _OF_DIGIT, scratch, *found)
+    # first those found from the least |C'| beside a sample, then those from the sample itself
+    u, bend = found[:, :size].reshape(2, -1, 2).transpose(0, 2, 1).reshape(2, -1)
+    return u, bend
 
 
 def _unresolved(curve: Curve, weights: FloatArray, u: FloatArray) -> FloatArray:
     """Radius below which the digits of u do not resolve a bend, at each parameter."""
     length, width = _span_length(curve, weights, u)
     return _OF_DIGIT * np.spacing(np.abs(u)) * length / width
-
-
-def _candidates(d: FloatArray, radius: FloatArray) -> NDArray[np.intp]:
-    """Samples next to which the curvature may reach 1 / radius, from the derivatives (3, n, dim) there.
-
-    By the second derivative C' runs along a straight line, which comes as close to 0 as |n|, n its part across C''; there
-    the curvature is |C''| / |n|^2.
-    """
-    bend, speed = curvature(d), np.sqrt(dot(d[1], d[1]))
-    around = np.pad(bend, 1, constant_values=-np.inf)
-    peak = (bend >= around[:-2]) & (bend >= around[2:]) & (bend * radius > _WORTH_REFINING)
-    slower = np.pad(speed, 2, mode="edge")
-    least = (speed <= slower[1:-3]) & (speed <= slower[3:-1]) & (speed <= _SLOW * np.maximum(slower[:-4], slower[4:]))
-    second = dot(d[2], d[2])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        across = d[1] - (dot(d[1], d[2]) / second)[:, None] * d[2]
-        least &= np.sqrt(second) * radius > _WORTH_REFINING * dot(across, across)
-    return np.flatnonzero(peak | least)
 
 
 def _span_length(curve: Curve, weights: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -155,9 +124,9 @@ def _separate(
     curve: Curve, weights: FloatArray, radius: float, hidden: float, found: list[tuple[FloatArray, FloatArray]]
 ) -> list[Bend]:
     """Of the peaks above the limit, those that are not one bend with a sharper one; none at the ends of the curve."""
-    if not found:
-        return []
     u, bend = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    if u.size == 0:
+        return []
     local = np.maximum(radius, _unresolved(curve, weights, u))
     sharp = np.flatnonzero((bend * local > 1.0) & (bend * _span_length(curve, weights, u)[0] > hidden))
     sharp = sharp[np.argsort(-bend[sharp], kind="stable")]

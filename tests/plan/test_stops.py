@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 from cases import DRIVES, DRIVES_XYZ, drives
 from program_blocks import line, program
+from stops_reference import sharpest
 
 from planner import check, load_curve, plan_feedrate
 from planner.geometry.nurbs import NurbsCurve
 from planner.plan.section import axis_weights
-from planner.plan.stops import smallest_radius, tight_bends
+from planner.plan.stops import _sharpest, smallest_radius, tight_bends
 from planner.programs.path.smooth_path import program_path
 
 ONES = np.ones(2)
@@ -94,3 +95,39 @@ def test_a_plan_stops_there_and_says_so():
     assert "exact stop at u = 0.5, a bend of 1e-05 mm radius" in profile.notes
     assert profile.work.slowdown < 1.002
     assert check(curve, DRIVES, profile).ok
+
+
+SHARP = {
+    "parabola": lambda: parabola(1e-5),
+    "near a cusp": lambda: near_cusp(-3.33),
+    "rational": lambda: load_curve("butterfly-nurbs"),
+    "a formula": lambda: load_curve("hypotrochoid", scale=10.0),
+    "a smoothed program": lambda: (
+        program_path(program(line(20, 0), line(20, 0.5), line(0, 0.5), line(0, 1), line(20, 1)), 0.01, DRIVES_XYZ).curve
+    ),
+}
+
+
+@pytest.mark.parametrize("case", SHARP)
+def test_the_compiled_search_finds_what_arrays_find(case):
+    curve = SHARP[case]()
+    weights = np.array([1.0, 1.5, 0.5])[: curve.dim]
+    counted = 0
+    for radius in (1e-6, 1e-3, 0.3, 10.0):
+        plain = sharpest(curve, weights, radius)
+        found = _sharpest(curve, weights, radius, 0, curve.pieces.breaks.size - 1)
+        counted += plain[0].size
+        if curve.dim == 2:
+            np.testing.assert_array_equal(found, plain)
+        else:  # sums of three products in another order
+            np.testing.assert_allclose(found[1], plain[1], rtol=1e-6)
+    assert counted > 0
+
+
+def test_pieces_from_anywhere_on_are_searched_alone():
+    curve = SHARP["a smoothed program"]()
+    count = curve.pieces.breaks.size - 1
+    weights = np.ones(curve.dim)
+    whole = np.sort(_sharpest(curve, weights, 10.0, 0, count)[0])
+    halves = [_sharpest(curve, weights, 10.0, first, count // 2)[0] for first in (0, count - count // 2)]
+    assert np.isin(np.round(whole, 6), np.round(np.concatenate(halves), 6)).mean() > 0.9
