@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from itertools import pairwise
@@ -47,7 +48,7 @@ TEN = tuple(f"{name} {feed:g}" for feed in FEEDS for name, _ in OPTIMA)
 TOLERANCE = 1e-2  # mm, of programs
 GROWING = (250, 500, 1000, 2000, 4000)
 _SAME = 1e-6  # of the time: the gap at which the solver stops
-_TURNS = 3
+_TURNS = 7
 _COPP_RUNS = 5  # a third of a millisecond each
 
 
@@ -277,7 +278,7 @@ def million(settings: Settings) -> tuple[list[Row], dict[str, Any]]:
     what = (f"{plan} : before", f"{plan}, memory an interval, bytes")
     if not settings.million:
         return [Row(text, target, {}, "needs --million") for text, target in zip(what, (0.3, 800.0), strict=True)], {}
-    found, missing = _in_turn(settings, 1, "plan", str(settings.million))
+    found, missing = _in_turn(settings, 1, "long", str(settings.million))
     here, before = found["here"][0], found["before"]
     ratio = {"winding path": here["plan_cpu_s"] / before[0]["plan_cpu_s"]} if before else {}
     rows = [
@@ -289,7 +290,12 @@ def million(settings: Settings) -> tuple[list[Row], dict[str, Any]]:
 
 def steps(settings: Settings) -> tuple[list[Row], dict[str, Any]]:
     """The interpolator's step over an earlier one's, which must make the bits of the replay."""
-    found, missing = _in_turn(settings, _TURNS, "steps")
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            processes.in_checkout(settings.before or processes.HERE, "write", folder)
+        except processes.AbsentError:  # the row says why
+            processes.in_checkout(processes.HERE, "write", folder)
+        found, missing = _in_turn(settings, _TURNS if settings.before else 1, "steps", folder)
     ratios = {}
     for name in found["here"][0]["step_ns"]:
         each = zip(found["here"], found["before"], strict=False)

@@ -1,7 +1,8 @@
 """What is measured in processes of their own: start-up, a long plan and its memory, a step; also of another checkout.
 
-    python -P benchmarks/processes.py plan 1000000
-    python -P benchmarks/processes.py steps
+    python -P benchmarks/processes.py long 1000000
+    python -P benchmarks/processes.py write FOLDER
+    python -P benchmarks/processes.py steps FOLDER
 
 measure the packages that stand on ``PYTHONPATH``, which the functions here set to one checkout or the other, in turn.
 """
@@ -142,28 +143,38 @@ def long_plan(intervals: int) -> dict[str, Any]:
     }
 
 
-def steps() -> dict[str, Any]:
-    """Time of a step of the quintic table in its compiled loop, ns, and whether steps make the bits of the replay."""
+def write_plans(folder: Path) -> dict[str, Any]:
+    """Write the plans whose steps are timed, as tables that every checkout reads."""
+    from benchmarks.cases import drives
+    from feedplan.job import Job
+    from planner import load_curve, write_table
+
+    for name in _PLANAR:
+        curve, limits = load_curve(name), drives()
+        write_table(folder / f"{name}.npz", Job(curve, limits).plan(intervals=1000), limits)
+    return {"plans": list(_PLANAR)}
+
+
+def steps(folder: Path) -> dict[str, Any]:
+    """Shortest time of a step of the quintic table in its compiled loop, ns, and whether steps make the replay's bits."""
     import numpy as np
 
-    from benchmarks.cases import drives
     from benchmarks.interpolator import FORMS, loop_times
-    from feedplan.job import Job
     from interp import InterpolatorTable, quintic_step, replay, start
-    from planner import load_curve
+    from planner import load_curve, read_table
 
     step_ns, same = {}, True
     for name in _PLANAR:
         curve = load_curve(name)
-        profile = Job(curve, drives()).plan(intervals=1000)
-        step_ns[name] = median(loop_times(profile, FORMS[-1], _PERIOD))
+        profile = read_table(folder / f"{name}.npz", curve)
+        step_ns[name] = min(loop_times(profile, FORMS[-1], _PERIOD))
         table = InterpolatorTable.from_profile(profile)
         state = start(table, _PERIOD)
         position = state[-table.dim :]
-        stepped = [position.copy()]
-        while not quintic_step(*table.arrays, state):
+        stepped, done = [position.copy()], False
+        while not done:
+            done = quintic_step(*table.arrays, state)
             stepped.append(position.copy())
-        stepped.append(position.copy())
         same &= np.array_equal(np.array(stepped), replay(curve, profile, _PERIOD).position)
     return {"step_ns": step_ns, "same_bits_as_replay": bool(same)}
 
@@ -174,7 +185,10 @@ def main() -> None:
     if not Path(planner.__file__).is_relative_to(os.environ["PYTHONPATH"]):
         sys.exit(f"no feedplan in {os.environ['PYTHONPATH']}")
     kind, *rest = sys.argv[1:]
-    print(json.dumps(long_plan(int(rest[0])) if kind == "plan" else steps()))
+    if kind == "long":
+        print(json.dumps(long_plan(int(rest[0]))))
+    else:
+        print(json.dumps({"write": write_plans, "steps": steps}[kind](Path(rest[0]))))
 
 
 if __name__ == "__main__":

@@ -146,14 +146,17 @@ class TestProcesses:
         assert memory.worst > 100.0
         assert found["here"][0]["duration_s"] == found["before"][0]["duration_s"]
 
-    def test_a_checkout_that_does_not_run_is_a_row_without_a_number(self, tmp_path):
-        row = core.million(core.Settings(before=tmp_path, million=500))[0][0]
+    @pytest.mark.parametrize("group", ["million", "steps"])
+    def test_a_checkout_that_does_not_run_is_a_row_without_a_number(self, tmp_path, monkeypatch, group):
+        monkeypatch.setattr(core, "_TURNS", 1)
+        row = core.GROUPS[group](core.Settings(before=tmp_path, million=500))[0][0]
         assert row.reached is None
         assert "no feedplan in" in row.text
 
     def test_bits_that_differ_from_the_replay_score_nothing(self, monkeypatch):
         run = {"step_ns": {"circle": 10.0}, "same_bits_as_replay": True}
         slow = run | {"step_ns": {"circle": 40.0}}
+        monkeypatch.setattr(processes, "in_checkout", lambda *_: {})
         monkeypatch.setattr(processes, "in_turn", lambda *_: {"here": [run, run], "before": [slow, slow]})
         settings = core.Settings(before=PROJECT)
         assert core.steps(settings)[0][0].worst == 0.25
@@ -161,6 +164,8 @@ class TestProcesses:
         assert core.steps(settings)[0][0].worst == inf
 
     def test_steps_of_the_table_make_the_bits_of_the_replay(self):
-        found = processes.in_checkout(PROJECT, "steps")
-        assert found["same_bits_as_replay"] is True
-        assert all(np.isfinite(time) and time > 0.0 for time in found["step_ns"].values())
+        (row,), found = core.steps(core.Settings())
+        assert row.reached is None
+        (run,) = found["here"]
+        assert run["same_bits_as_replay"] is True
+        assert all(np.isfinite(time) and time > 0.0 for time in run["step_ns"].values())
