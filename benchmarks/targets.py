@@ -35,9 +35,14 @@ class Row:
         if not self.measured:
             return self.missing or "not measured"
         if len(self.measured) == 1:
-            return f"{self.worst:.3g}"
+            return number(self.worst)
         name = next(name for name, value in self.measured.items() if value == self.worst)
-        return f"{min(self.measured.values()):.3g} to {self.worst:.3g} ({name})"
+        return f"{number(min(self.measured.values()))} to {number(self.worst)} ({name})"
+
+
+def number(value: float) -> str:
+    """Three digits."""
+    return f"{value:.0f}" if 1e3 <= value < 1e6 else f"{value:.3g}"
 
 
 def table(rows: Sequence[Row], earlier: Mapping[str, str]) -> str:
