@@ -45,7 +45,7 @@ def prototypes(header: str) -> dict[str, tuple[str, list[str]]]:
     return found
 
 
-class _Bound(partial[Any]):
+class _Prepared(partial[Any]):
     """A call with its arguments converted; it keeps the arrays alive of which it has the addresses."""
 
     held: tuple[Any, ...]
@@ -78,9 +78,9 @@ class Function:
         """The call with these arguments, converted once: what changes from call to call stands in the arrays."""
         types = self._call.argtypes
         converted = [c_type(value) for c_type, value in zip(types, self._converted(arguments), strict=True)]
-        bound = _Bound(self._call, *converted)
-        bound.held = arguments
-        return bound
+        prepared = _Prepared(self._call, *converted)
+        prepared.held = arguments
+        return prepared
 
     def _converted(self, arguments: tuple[Any, ...]) -> list[Any]:
         if len(arguments) != len(self._arrays):
