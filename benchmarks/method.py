@@ -280,17 +280,16 @@ class Trace:
     used: FloatArray
 
 
-def trace(problem: Constraints, *, centring: float = 1.0, most: int = 150) -> Trace:
+def trace(problem: Constraints, *, centring: float = 0.2, most: int = 150) -> Trace:
     """Run the interior-point method and look at every iterate at its collocation points."""
     tolerance = optimal.GAP_TOLERANCE
     it = Iterate(problem, optimal.start_from(problem, problem.guess), centring, 0.95)
-    rows = []
+    rows, ended = [], None
     for _ in range(most):
-        bounds, value = it.bounds_and_value()
-        used = np.maximum(value / bounds[:, 0], -value / bounds[:, 1])
-        rows.append((it.time * problem.time_unit, it.gap / it.time, float(used.max())))
-        if rows[-1][1] < tolerance or optimal._iterate(it):
+        rows.append((it.time * problem.time_unit, it.gap / it.time, float(problem.used(*it.z).max())))
+        if ended is not None:
             break
+        ended = it.run(tolerance, 1)
     return Trace(*np.array(rows).T)
 
 

@@ -17,7 +17,7 @@ _LOADING = 2.5  # s; compiled kernels load within one, to compile them takes som
 
 
 # What planning, checking and replaying a curve need; other commands name theirs beside these.
-PLAN_KERNELS = ("planner.plan.solvers.interior_kernels",)
+PLAN_KERNELS: tuple[str, ...] = ()
 
 
 class ProgressLine:

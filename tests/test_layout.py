@@ -83,6 +83,7 @@ TOPICS = {
     "machine/test_feed_caps.py": "limits of a curve whose blocks have feeds of their own",
     "output/test_table_truth.py": "what a table claims is computed again",
     "output/test_roundtrip.py": "programs that are written and planned again",
+    "plan/solvers/test_interior_core.py": "the compiled interior-point method against dense linear algebra",
     "plan/solvers/test_interior_invariants.py": "what must not change the optimum",
     "plan/solvers/test_interior_plans.py": "plans of the interior-point method",
     "plan/test_extreme.py": "curves and machines at the edges of what is allowed",
@@ -151,7 +152,7 @@ def test_every_file_is_named_after_a_module_or_a_topic():
 
 def test_the_scan_finds_what_it_should():
     """A kernel beside its caller, a package by its name, a file in its folder."""
-    assert own_test(PROJECT / "planner/plan/solvers/interior_kernels.py") == TESTS / "plan/solvers/test_interior.py"
+    assert own_test(PROJECT / "planner/plan/utilisation_kernels.py") == TESTS / "plan/test_utilisation.py"
     assert own_test(PROJECT / "planner/verify/__init__.py") == TESTS / "verify/test_verify.py"
     assert own_test(PROJECT / "interp/replay.py") == TESTS / "interp/test_replay.py"
     assert "planner.types" not in MODULES

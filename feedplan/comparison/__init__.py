@@ -60,7 +60,6 @@ _LOADED = (
     "interp.taylor",
     "interp.literature.greedy",
     "planner.plan",
-    "planner.plan.solvers.interior_kernels",
 )
 _LIBRARIES = {"toppra": "toppra", "scurve": "ruckig", REFERENCE: "casadi"}
 

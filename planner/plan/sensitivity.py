@@ -92,12 +92,13 @@ def saved_by_one_percent(iterate: Iterate, bound: SpeedBound) -> dict[str, float
         By the names of ``FeedrateProfile.limit_names``, "programmed feed" and "rapid"; unit of the problem's time.
     """
     # row by row: a long path has no memory to spare
-    pace = iterate.z[0] ** -0.5
+    pace, problem = iterate.pace(), iterate.problem
     # the speed row is the lowest of several limits at each point
-    by_name = np.bincount(bound.which, iterate.dual[0, 0] * bound.power, len(bound.names))
+    by_name = np.bincount(bound.which, iterate.multipliers(0) * bound.power, len(bound.names))
     saved = dict(zip(bound.names, by_name.tolist(), strict=True))
-    for of, dual, jerk in zip(iterate.of, iterate.dual, iterate.jerk, strict=True):
-        if of is not None:  # both bounds of a scaled row move by as much as the limit
-            worth = float(dot(dual[0], pace) + dot(dual[1], pace)) if jerk else float(dual.sum())
-            saved[of.name] = saved.get(of.name, 0.0) + worth
+    for k, of in enumerate((*problem.acceleration.of, *problem.jerk.of)):
+        both = iterate.multipliers(1 + 2 * k) + iterate.multipliers(2 + 2 * k)
+        # both bounds of a scaled row move by as much as the limit
+        worth = float(dot(both, pace)) if of.order == JERK.order else float(both.sum())
+        saved[of.name] = saved.get(of.name, 0.0) + worth
     return {name: _PERCENT * value for name, value in saved.items() if value > 0.0}

@@ -294,7 +294,7 @@ def _run(
     return optimal.solve_interior(
         problem,
         waypoint or optimal.start_from(problem, problem.guess),
-        centring=0.1 if has_law else 1.0,
+        centring=0.1 if has_law else 0.2,
         tolerance=tolerance,
         deadline=task.deadline,
         progress=task.progress,

@@ -24,10 +24,13 @@ Rules of one iteration
     that a spline basis would square.  If a pivot is not positive, negative curvature is dropped and the sweep repeated.
 3.  Affine step first (complementarity 0), then the corrector of Mehrotra with the centring
 
-        max( (gap_affine / gap)^3,  2 D / gap ),     D = -grad(time) . step_affine,
+        max( (gap_affine / gap)^3,  k D / gap ),     D = -grad(time) . step_affine,
 
-    D being the time the linear model still hopes to gain.  The second term is what makes the long way from a poor start
-    short: multipliers may not vanish while the primal iterate is far away (without it 23-81 iterations, with it 15-23).
+    D being the time the linear model still hopes to gain, k = 2 until the gap is below 1e-2 and 1/4 from there on.  The
+    second term is what makes the long way from a poor start short: multipliers may not vanish while the primal iterate is
+    far away (without it 23-81 iterations, with it 15-23).  The corrector's products ds dl are those of the affine step times
+    the root of its two lengths: the whole product overshoots, and the product of the lengths, a quarter where both are a
+    half, as they are where slack and multiplier vanish together, takes 15 % more iterations.
 4.  Separate primal and dual step lengths, a fraction clip(1 - gap/T, 0.9, 0.995) of the way to the boundary; x falls by
     90 % at most.  No line search is needed, by the consequence above.
 
@@ -49,20 +52,22 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
+from planner.compiled import core
 from planner.errors import SolverError
-from planner.geometry.differential import dot
 from planner.plan.collocation import states_between
 from planner.plan.rows import Constraints
 from planner.status import Status
 from planner.types import FloatArray, Progress
 
 GAP_TOLERANCE = 1e-6
+BLOCK = 128  # points a block in the compiled core
 _FINEST_GAP, _MIN_SHARE = 1e-10, 1e-3
 _MAX_ITERATIONS = 150
 _FEASIBLE = 1e-9
 _HOPE = 2.0  # weight of the hoped-for gain in the centring
-_MAX_FALL = 0.9
+_WATCHED_WORK = 200_000  # points times iterations between looks at the clock
 # Slacks at the start are at least this much of a bound, and the start of a warm one is slowed down to this share of it.
 _MIN_SLACK, _MIN_WARM_SLACK, _WARM_INSIDE = 0.05, 1e-6, 0.9999
 _WAYPOINT_GAP = 3e-3
@@ -112,81 +117,106 @@ class Waypoint:
     the wrong side of its own constraints.  An iterate whose gap is about as large as the change is well centred for both
     problems: 4-10 iterations from there, against 9-20 from the law alone.
 
-    ``z (3, p)``: states at all points; ``dual (m, 2, p)``: multipliers.  The solve that begins here takes both arrays over.
+    ``z (3, n)``: states at the knots; ``duals``: multipliers as in ``pairs``, of which few digits will do.
     """
 
     z: FloatArray
-    dual: FloatArray
+    duals: NDArray[np.float32]
 
 
 class Iterate:
-    """The arrays of one solve, allocated once."""
+    """A point of the method: states at the knots, slacks and multipliers.
+
+    ``z (3, n)``; ``pairs``: see ``solvers.h``.
+    """
 
     def __init__(self, problem: Constraints, start: FloatArray | Waypoint, centring: float, inside: float) -> None:
-        points = problem.cap.size
-        velocity = np.zeros((1, 3, points))
-        velocity[0, 0] = 1.0 / np.minimum(problem.cap, _NO_CAP)
-        acceleration = np.zeros((len(problem.acceleration), 3, points))
-        acceleration[:, :2] = problem.acceleration.r
-        self.rows = np.concatenate([velocity, acceleration, problem.jerk.r])
-        # of the rows and of their multipliers: what limits the speed has no row of its own
-        self.of = (None, *problem.acceleration.of, *problem.jerk.of)
-        self.jerk = np.arange(self.rows.shape[0]) > acceleration.shape[0]
-        sides = np.concatenate([np.ones((1, 2)), problem.acceleration.bounds, problem.jerk.bounds])
-        self.sides = np.minimum(sides, _NO_BOUND)
-        self.bounds = np.column_stack([self.jerk, self.sides])
-        self.h, self.weight, self.inner = problem.h, problem.weight, problem.inner
         self.problem = problem
-        self.free_start = np.isnan(problem.start)
-        # how many of x, a, c are prescribed at the first knot
-        self.fixed = int(not self.free_start) + int(not np.isnan(problem.start_slope))
+        accelerations, jerks = problem.acceleration, problem.jerk
+        sides = np.concatenate([accelerations.bounds, jerks.bounds])
+        self.problem = problem
+        self.iterations = np.zeros(1, dtype=np.int64)
         warm = isinstance(start, Waypoint)
-        self.z = start.z if isinstance(start, Waypoint) else np.ascontiguousarray(start)
-        self.scale_inside(_WARM_INSIDE if warm else inside)
-        bounds, y = self.bounds_and_value()
+        self.z = start.z.copy() if isinstance(start, Waypoint) else np.array(start)
+        self.pairs = np.empty((-(-problem.cap.size // BLOCK), 2 * len(sides) + 1, 2, BLOCK))
+        self.pairs[-1] = 1.0  # what fills it up
+        self._totals = np.zeros(4)
+        self._given = (
+            problem.h,
+            problem.h.size,
+            problem.inner,
+            problem.cap,
+            problem.weight,
+            len(accelerations),
+            np.ascontiguousarray(accelerations.r),
+            len(sides),
+            np.ascontiguousarray(jerks.r),
+            np.minimum(sides, _NO_BOUND),
+        )
+        # a prescribed feed does not scale with the rest
+        free = np.isnan(problem.start) and np.isnan(problem.end)
+        inside = (_WARM_INSIDE if warm else inside) if free else 0.0
         least = _MIN_WARM_SLACK if warm else _MIN_SLACK
-        over = np.stack([y - bounds[:, 0], -y - bounds[:, 1]], axis=1)
-        self.slack = np.ascontiguousarray(np.maximum(-over, least))
-        self.time = float(dot(self.weight, self.z[0] ** -0.5))
-        if isinstance(start, Waypoint):
-            self.dual = start.dual
-            self.gap = float(dot(self.slack.reshape(-1), self.dual.reshape(-1)))
-        else:
-            self.dual = centring * self.time / self.slack.size / self.slack
-            self.gap = centring * self.time
-        self.residual = float(((self.slack + over) / (1.0 + bounds)).max())
-        self.product = np.zeros_like(self.slack)
-        self.pace_sums = np.empty((6, points))
-        self.hessian, self.gradient = np.empty((6, points)), np.empty((3, points))
-        self.affine, self.step = np.zeros((3, points)), np.zeros((3, points))
-        self.gains, self.root = np.empty((4, self.h.size)), np.empty(6)
-        self.feed_forward, self.out = np.empty(self.h.size), np.empty(6)
-        self.ends: list[tuple[FloatArray, FloatArray]] = []
+        duals = start.duals if isinstance(start, Waypoint) else None
+        core.interior_begin(*self._given, inside, least, centring, duals, self.z, self.pairs, self._totals)
+        priced = 3 if problem.periodic else int(not np.isnan(problem.end))
+        fixed = int(not np.isnan(problem.start)) + int(not np.isnan(problem.start_slope))
+        self._ends = fixed, priced
+        self._work: FloatArray | None = np.empty(core.interior_work(problem.h.size, priced))
 
-    def bounds_and_value(self) -> tuple[FloatArray, FloatArray]:
-        """Sizes of the upper and lower bounds (m, 2, p) and values r . z (m, p) of all rows."""
-        y = self.rows[:, 0] * self.z[0]
-        for k in (1, 2):
-            y += self.rows[:, k] * self.z[k]
-        return self.sides[:, :, None] * np.where(self.jerk[:, None], self.z[0] ** -0.5, 1.0)[:, None], y
+    def run(self, tolerance: float, most: int) -> Status | None:
+        """Iterate ``most`` times or until the gap is within the tolerance; None where neither that nor a failure ends it."""
+        ended = core.interior_run(
+            *self._given,
+            *self._ends,
+            _HOPE,
+            tolerance,
+            most,
+            self.z,
+            self.pairs,
+            self._work,
+            self._totals,
+            self.iterations,
+        )
+        return (None, Status.OPTIMAL, Status.SINGULAR, Status.NO_STEP)[ended]
 
-    def scale_inside(self, share: float) -> None:
-        """Slow the start down until it uses that share of every limit; not where a feed is prescribed."""
-        if not (self.free_start and np.isnan(self.problem.end)):
-            return
-        _, y = self.bounds_and_value()
-        y = np.maximum(y / self.sides[:, :1], -y / self.sides[:, 1:])
-        used = float(y[~self.jerk].max())
-        if self.jerk.any():
-            used = max(used, float((y[self.jerk] * np.sqrt(self.z[0])).max()) ** (2.0 / 3.0))
-        self.z *= share / used
+    def waypoint(self) -> Waypoint:
+        """A copy of the states and multipliers."""
+        return Waypoint(self.z.copy(), self.pairs[:, :, 1].astype(np.float32))
+
+    def release(self) -> None:
+        """Give back the memory of the Newton system."""
+        self._work = None
+
+    @property
+    def gap(self) -> float:
+        """sum(s l)."""
+        return float(self._totals[0])
+
+    @property
+    def time(self) -> float:
+        """Time by the weights of the points."""
+        return float(self._totals[1])
+
+    @property
+    def residual(self) -> float:
+        """Largest relative violation."""
+        return float(self._totals[2])
+
+    def multipliers(self, side: int) -> FloatArray:
+        """Multipliers (p,) of one side: 0 the speed, then the upper and the lower one of every row, accelerations first."""
+        return self.pairs[:, side, 1].reshape(-1)[: self.problem.cap.size]
+
+    def pace(self) -> FloatArray:
+        """x^(-1/2) at all points, (p,)."""
+        return np.asarray(states_between(self.problem.h, self.z, self.problem.inner)[0] ** -0.5)
 
 
 def solve_interior(
     problem: Constraints,
     start: FloatArray | Waypoint,
     *,
-    centring: float = 1.0,
+    centring: float = 0.2,
     inside: float = 0.95,
     tolerance: float | None = None,
     deadline: float = np.inf,
@@ -197,11 +227,11 @@ def solve_interior(
     Parameters
     ----------
     problem : Constraints
-    start : (3, p) array, or Waypoint
-        x, a, c of a cubic spline at all points, x > 0 (see :func:`start_from`); or where the solution of a problem on the
+    start : (3, n) array, or Waypoint
+        x, a, c of a cubic spline at the knots, x > 0 (see :func:`start_from`); or where the solution of a problem on the
         same grid that differs by little came through (``centring`` and ``inside`` then follow from it).
     centring : float
-        Initial sum(s l) as a share of the time: 1 for a rough start, 0.1 for a good one.
+        Initial sum(s l) as a share of the time: 0.2 for a rough start, 0.1 for a good one.
     inside : float
         Share of the limits that the start is slowed down to: less for a rough one.
     tolerance : float
@@ -223,30 +253,31 @@ def solve_interior(
     began = time.process_time()
     tolerance = _tolerance(problem) if tolerance is None else tolerance
     it = Iterate(problem, start, centring, inside)
+    watched = progress is not None or deadline < np.inf
+    at_once = max(1, _WATCHED_WORK // problem.cap.size) if watched else _MAX_ITERATIONS
     status: Status | None = None
-    count = 0
     waypoint: Waypoint | None = None
     while status is None:
-        count += 1
-        status = _iterate(it)
-        if waypoint is None and it.gap < _WAYPOINT_GAP * it.time and it.residual < _FEASIBLE:
-            waypoint = Waypoint(it.z.copy(), it.dual.copy())
-        if status is None and it.gap < tolerance * it.time and it.residual < _FEASIBLE:
-            status = Status.OPTIMAL
-        elif status is None and count >= _MAX_ITERATIONS:
+        goal = tolerance if waypoint else max(tolerance, _WAYPOINT_GAP)
+        status = it.run(goal, min(at_once, _MAX_ITERATIONS - int(it.iterations[0])))
+        if status is Status.OPTIMAL and goal > tolerance:
+            waypoint = it.waypoint()
+            status = Status.OPTIMAL if it.gap < tolerance * it.time else None
+        if status is None and it.iterations[0] >= _MAX_ITERATIONS:
             status = Status.TOO_MANY
         elif status is None and it.residual < _FEASIBLE and time.perf_counter() > deadline:
             status = Status.BUDGET
         if progress is not None:
             progress("solving", max(0.0, min(1.0, np.log(max(it.gap / it.time, tolerance)) / np.log(tolerance))))
+    it.release()
+    count = int(it.iterations[0])
     if it.residual > _FEASIBLE:
         given = not np.isnan([problem.start, problem.end]).all()
         raise SolverError(
             f"the interior-point method stopped after {count} iterations ({status.value}) with a violation of "
             f"{it.residual:.2g}{'; the entry or exit feed may not be attainable' if given else ''}"
         )
-    knots = it.z[:, :: problem.inner + 1]
-    x, a, c = (row.copy() for row in knots)
+    x, a, c = it.z
     cpu = time.process_time() - began
     return Solution(x, a, c, it.time, status, count, it.gap / it.time, it.residual, cpu, it, waypoint)
 
@@ -257,10 +288,13 @@ def is_global(it: Iterate) -> bool:
     The Lagrangian is then a sum of convex functions, so that the point at which it is stationary is its minimum.
     Coincident points, those of a double knot, count as one.
     """
-    load = (it.dual * it.sides[:, :, None])[it.jerk].sum(axis=(0, 1))
+    problem = it.problem
+    first, load = 1 + 2 * len(problem.acceleration), np.zeros(problem.cap.size)
+    for k, size in enumerate(problem.jerk.bounds.reshape(-1)):
+        load += size * it.multipliers(first + k)
     place = np.zeros(load.size, dtype=np.intp)
-    place[1:] = np.cumsum(np.repeat(it.h > 0.0, it.inner + 1))
-    return bool((np.bincount(place, load) <= np.bincount(place, it.weight) * (1.0 + _FEASIBLE)).all())
+    place[1:] = np.cumsum(np.repeat(problem.h > 0.0, problem.inner + 1))
+    return bool((np.bincount(place, load) <= np.bincount(place, problem.weight) * (1.0 + _FEASIBLE)).all())
 
 
 def _tolerance(problem: Constraints) -> float:
@@ -271,95 +305,8 @@ def _tolerance(problem: Constraints) -> float:
     return float(np.clip(_MIN_SHARE * rows * share.min() / share.sum(), _FINEST_GAP, GAP_TOLERANCE))
 
 
-def _iterate(it: Iterate) -> Status | None:
-    """One predictor-corrector step; returns why it cannot go on, if it cannot."""
-    from planner.plan.solvers import interior_kernels as kernels
-
-    pace = 1.0 / np.sqrt(it.z[0])
-    state = (it.rows, it.bounds, it.z, pace, it.slack, it.dual, it.product)
-    if not _factor(it, pace):
-        return Status.SINGULAR
-    _prepare_ends(it)
-    _newton(it, it.affine)
-    pace_step = -0.5 * pace / it.z[0] * it.affine[0]
-    kernels.measure_iterate(*state, it.affine, pace_step, 0.0, 0.0, True, it.out)
-    primal, dual = _length(it.out[0], 1.0), _length(it.out[1], 1.0)
-    affine_gap = it.gap + primal * it.out[2] + dual * it.out[3] + primal * dual * it.out[4]
-    hope = -float(dot(it.weight, pace_step))
-    centring = min(max((affine_gap / it.gap) ** 3, _HOPE * hope / it.gap, 1e-4), 1.0)
-    target, corrector = centring * it.gap / it.slack.size, primal * dual
-    kernels.condense(*state, target, corrector, False, it.hessian, it.gradient, it.pace_sums)
-    kernels.tie_pace(it.z, it.weight, it.pace_sums, False, False, it.hessian, it.gradient)
-    _newton(it, it.step)
-    pace_step = -0.5 * pace / it.z[0] * it.step[0]
-    kernels.measure_iterate(*state, it.step, pace_step, target, corrector, False, it.out)
-    fraction = min(max(1.0 - it.gap / it.time, 0.9), 0.995)
-    primal = min(_length(it.out[0], fraction), _length(it.out[5], _MAX_FALL))
-    dual = _length(it.out[1], fraction)
-    if not (np.isfinite(it.out).all() and primal > 1e-10):
-        return Status.NO_STEP
-    new_pace = 1.0 / np.sqrt(it.z[0] + primal * it.step[0])
-    kernels.advance_iterate(*state, it.step, pace_step, new_pace, target, corrector, primal, dual, it.out)
-    it.time, it.gap, it.residual = float(dot(it.weight, new_pace)), float(it.out[0]), float(it.out[1])
-    return None
-
-
-def _factor(it: Iterate, pace: FloatArray) -> bool:
-    """Assemble and factor the Newton system; without negative curvature where it is not positive definite."""
-    from planner.plan.solvers import interior_kernels as kernels
-
-    state = (it.rows, it.bounds, it.z, pace, it.slack, it.dual, it.product)
-    for clip in (False, True):
-        kernels.condense(*state, 0.0, 0.0, True, it.hessian, it.gradient, it.pace_sums)
-        kernels.tie_pace(it.z, it.weight, it.pace_sums, clip, True, it.hessian, it.gradient)
-        if kernels.factor_barrier(it.h, it.inner, it.hessian, it.gains, it.root) > 0.0:
-            return True
-    return False
-
-
-def _length(decrease: float, fraction: float) -> float:
-    """Step length at which the given largest relative decrease becomes ``fraction``, 1 at most."""
-    return float(fraction / decrease) if decrease > fraction else 1.0
-
-
-def _prepare_ends(it: Iterate) -> None:
-    """Responses of the Newton system to a unit price on each end condition."""
-    from planner.plan.solvers import interior_kernels as kernels
-
-    prices: list[tuple[FloatArray, FloatArray]] = []
-    unit = np.eye(3)
-    if it.problem.periodic:
-        prices = [(-unit[k], unit[k]) for k in range(3)]
-    elif not np.isnan(it.problem.end):
-        prices = [(np.zeros(3), unit[0])]
-    it.ends = []
-    none = np.zeros_like(it.gradient)
-    for first, last in prices:
-        response = np.empty_like(it.step)
-        kernels.solve_barrier(it.h, it.inner, it.gains, it.root, none, first, last, it.fixed, it.feed_forward, response)
-        it.ends.append((response, last))
-
-
-def _newton(it: Iterate, step: FloatArray) -> None:
-    """Solve for the step, and price the end conditions so that it keeps them."""
-    from planner.plan.solvers import interior_kernels as kernels
-
-    none = np.zeros(3)
-    kernels.solve_barrier(it.h, it.inner, it.gains, it.root, it.gradient, none, none, it.fixed, it.feed_forward, step)
-    if not it.ends:
-        return
-
-    def broken(z: FloatArray) -> FloatArray:
-        return z[:, -1] - z[:, 0] if it.problem.periodic else z[:1, -1]
-
-    system = np.stack([broken(response) for response, _ in it.ends], axis=1)
-    price = np.linalg.solve(system, -broken(step))
-    for (response, _), p in zip(it.ends, price, strict=True):
-        step += p * response
-
-
 def start_from(problem: Constraints, x: FloatArray) -> FloatArray:
-    """States at all points of the cubic spline with the values x (one a knot) as its control values.
+    """States (3, n) at the knots of the cubic spline with the values x (one a knot) as its control values.
 
     A spline's values lie between its control values, so a positive guess gives a positive start.
     """
@@ -377,7 +324,7 @@ def start_from(problem: Constraints, x: FloatArray) -> FloatArray:
         # x' at the first knot is three times the difference of the first two control values over the interval
         control[1] = problem.start + 2.0 / 3.0 * problem.start_slope * problem.h[0]
         control[2] = max(control[1], 0.5 * problem.start)
-    return states_between(problem.h, _knot_states(knots, control), problem.inner)
+    return _knot_states(knots, control)
 
 
 def _knot_states(knots: FloatArray, control: FloatArray) -> FloatArray:

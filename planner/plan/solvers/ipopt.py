@@ -182,7 +182,7 @@ class _Collocation:
 
 def _start(problem: Constraints) -> FloatArray:
     """The same spline guess as the interior-point method's, slowed down until it keeps the limits."""
-    z = start_from(problem, problem.guess)[:, 0::2]
+    z = start_from(problem, problem.guess)
     used = [float((z[0] / problem.cap[0::2]).max())]
     for row, bounds in zip(problem.acceleration.r, problem.acceleration.bounds, strict=True):
         used.append(float(used_share(row[0, 0::2] * z[0] + row[1, 0::2] * z[1], bounds).max()))

@@ -12,6 +12,7 @@ from planner import load_curve
 from planner.errors import SolverError
 from planner.machine.limits import Limits
 from planner.plan import plan_feedrate
+from planner.plan.collocation import states_between
 from planner.plan.solvers import interior as optimal
 from planner.status import Status
 
@@ -23,15 +24,13 @@ def solved(problem, **options):
 
 
 def states(problem, solution):
-    """x, a, c at all points, the middle ones by the cubic of an interval."""
-    z = np.empty((3, problem.cap.size))
-    z[:, ::2] = solution.x, solution.a, solution.c
-    h, (x, a, c) = problem.h, z[:, :-2:2]
-    after = z[2, 2::2]
-    z[0, 1::2] = x + h * a + h**2 * (5.0 * c + after) / 24.0
-    z[1, 1::2] = a + h * (3.0 * c + after) / 8.0
-    z[2, 1::2] = 0.5 * (c + after)
-    return z
+    """x, a, c at all points, the ones between by the cubic of an interval."""
+    return states_between(problem.h, np.stack([solution.x, solution.a, solution.c]), problem.inner)
+
+
+def started(problem, x):
+    """x, a, c of a start at all points."""
+    return states_between(problem.h, optimal.start_from(problem, x), problem.inner)
 
 
 def shares(problem, z):
@@ -153,12 +152,12 @@ def feasible_times(problem, inside, count=30):
     """Times of plans at the border of what is feasible, in random directions from a plan ``inside`` (3, p)."""
     rng = np.random.default_rng(1)
     knots = np.concatenate([[0.0], np.cumsum(problem.h)]) / problem.h.sum()
-    level = optimal.start_from(problem, inside[0, ::2])
+    level = started(problem, inside[0, ::2])
     free = np.isnan([problem.start, problem.end]).all()
     times = []
     for _ in range(count):
         bump = 1.0 + 0.05 * rng.normal(size=4) @ np.cos(np.pi * np.outer(np.arange(1, 5), knots))
-        change = optimal.start_from(problem, inside[0, ::2] * bump) - level  # nothing at an end that is prescribed
+        change = started(problem, inside[0, ::2] * bump) - level  # nothing at an end that is prescribed
         lo, hi = 0.0, 1.0
         for _ in range(30):
             share = 0.5 * (lo + hi)
@@ -228,7 +227,7 @@ def test_another_start_leads_to_the_same_optimum():
 def test_a_start_is_a_positive_spline_with_the_ends_asked_for(name):
     problem = PROBLEMS[name]()
     rng = np.random.default_rng(0)
-    z = optimal.start_from(problem, rng.uniform(0.01, 2.0, problem.guess.size))
+    z = started(problem, rng.uniform(0.01, 2.0, problem.guess.size))
     assert (z[0] > 0.0).all()
     h, (x, a, c) = problem.h, z[:, ::2]
     assert x[1:] == pytest.approx(x[:-1] + 2 * h * a[:-1] + h**2 * (2 * c[:-1] + c[1:]) / 3, abs=1e-9)

@@ -1,0 +1,423 @@
+/* Passes of the interior-point method over the points of a block; interior.py has the equations.
+
+   A side of a row is  +-(r . z) <= bound, the bound a constant (acceleration) or a constant times the pace x^(-1/2) (jerk).
+   Side 0 of a point is its speed, x / cap <= 1; then follow the upper and the lower side of every row.  The loops run over
+   points and carry sums in arrays: so they become vector code without changing the order of any sum. */
+#include "interior_inline.h"
+
+#include <stddef.h>
+
+enum { ACCELERATION, JERK };
+
+/* One row in a block: its coefficients, the sizes of its bounds, what violations are divided by (times 1 + pace), slacks and
+   multipliers of its two sides. */
+typedef struct {
+    const double *x, *a, *c;
+    double up, down, per_up, per_down;
+    double *s1, *l1, *s2, *l2;
+} Row;
+
+INLINE Row row_of(const Problem *problem, int64_t block, int64_t i, double *pairs) {
+    const int64_t points = problem->points, at = block * BLOCK, k = i - problem->accelerations;
+    const double *r = k < 0 ? problem->acceleration + 2 * i * points + at : problem->jerk + 3 * k * points + at;
+    const double *bounds = problem->bounds + 2 * i;
+    double *own = pairs + 2 * BLOCK * (block * problem->sides + 1 + 2 * i);
+    return (Row){
+        .x = r,
+        .a = r + points,
+        .c = r + 2 * points,
+        .up = bounds[0],
+        .down = bounds[1],
+        .per_up = 1.0 / larger(bounds[0], 1.0),
+        .per_down = 1.0 / larger(bounds[1], 1.0),
+        .s1 = own,
+        .l1 = own + BLOCK,
+        .s2 = own + 2 * BLOCK,
+        .l2 = own + 3 * BLOCK,
+    };
+}
+
+INLINE double value_of(int kind, const Row *row, int64_t i, const Motion *z) {
+    const double value = row->x[i] * z->x[i] + row->a[i] * z->a[i];
+    return kind == JERK ? value + row->c[i] * z->c[i] : value;
+}
+
+/* The bound per unit of its size: the pace, or 1. */
+INLINE double pace_of(int kind, int64_t i, const Motion *z) { return kind == JERK ? z->pace[i] : 1.0; }
+
+/* Derivative of the pace by x. */
+INLINE double pace_slope(double pace) { return -0.5 * pace * pace * pace; }
+
+/* 1 / a and 1 / b, by one division: they are what takes longest. */
+typedef struct {
+    double a, b;
+} Inverses;
+
+INLINE Inverses inverses(double a, double b) {
+    const double both = 1.0 / (a * b);
+    return (Inverses){b * both, a * both};
+}
+
+HOT void interior_pace(Motion *z, int64_t count) {
+    APART
+    for (int64_t i = 0; i < count; i++) z->pace[i] = 1.0 / sqrt(z->x[i]);
+}
+
+HOT void interior_ahead(const Motion *z, const Motion *step, int64_t count, Motion *ahead) {
+    APART
+    for (int64_t i = 0; i < count; i++) {
+        ahead->x[i] = z->x[i] + step->x[i];
+        ahead->a[i] = z->a[i] + step->a[i];
+        ahead->c[i] = z->c[i] + step->c[i];
+        ahead->pace[i] = z->pace[i] + pace_slope(z->pace[i]) * step->x[i];
+    }
+}
+
+HOT void interior_arrive(const Motion *z, const Motion *step, int64_t count, double length, Motion *arrived) {
+    APART
+    for (int64_t i = 0; i < count; i++) {
+        arrived->x[i] = z->x[i] + length * step->x[i];
+        arrived->a[i] = z->a[i] + length * step->a[i];
+        arrived->c[i] = z->c[i] + length * step->c[i];
+        arrived->pace[i] = 1.0 / sqrt(arrived->x[i]);
+    }
+}
+
+/* ---- the start ---------------------------------------------------------------------------------------------------- */
+
+INLINE void use_row(int kind, int64_t count, const Row *row, const Motion *z, double *used) {
+    const double per_up = 1.0 / row->up, per_down = 1.0 / row->down;
+    APART
+    for (int64_t i = 0; i < count; i++) {
+        const double value = value_of(kind, row, i, z) * (kind == JERK ? z->x[i] * z->pace[i] : 1.0);
+        used[i] = larger(used[i], larger(value * per_up, -value * per_down));
+    }
+}
+
+HOT void interior_used(const Problem *problem, int64_t block, const Motion *z, double *pairs, Used *used) {
+    const int64_t count = points_in(problem, block);
+    double steady[BLOCK], jerk[BLOCK];
+    APART
+    for (int64_t i = 0; i < count; i++) {
+        steady[i] = z->x[i] / problem->cap[block * BLOCK + i];
+        jerk[i] = 0.0;
+    }
+    for (int64_t r = 0; r < problem->rows; r++) {
+        const Row row = row_of(problem, block, r, pairs);
+        if (r < problem->accelerations) use_row(ACCELERATION, count, &row, z, steady);
+        else use_row(JERK, count, &row, z, jerk);
+    }
+    for (int64_t i = 0; i < count; i++) {
+        used->steady = larger(used->steady, steady[i]);
+        used->jerk = larger(used->jerk, jerk[i]);
+        used->time += problem->weight[block * BLOCK + i] * z->pace[i];
+    }
+}
+
+INLINE void place_row(int kind, int64_t count, const Row *row, const Motion *z, double least, double product,
+                      double *worst) {
+    APART
+    for (int64_t i = 0; i < count; i++) {
+        const double value = value_of(kind, row, i, z), pace = pace_of(kind, i, z);
+        const double room1 = row->up * pace - value, room2 = row->down * pace + value;
+        const double s1 = larger(room1, least), s2 = larger(room2, least);
+        const Inverses per_slack = inverses(s1, s2);
+        row->s1[i] = s1;
+        row->s2[i] = s2;
+        row->l1[i] = product * per_slack.a;
+        row->l2[i] = product * per_slack.b;
+        worst[i] = larger(worst[i], larger((s1 - room1) * row->per_up, (s2 - room2) * row->per_down));
+    }
+}
+
+/* Put multipliers that are given in place of those of a start. */
+INLINE void place_duals(int64_t count, int64_t sides, const float *duals, double *pairs, double *gap) {
+    for (int64_t side = 0; side < sides; side++) {
+        const float *given = duals + BLOCK * side;
+        double *s = pairs + 2 * BLOCK * side, *l = s + BLOCK;
+        APART
+        for (int64_t i = 0; i < count; i++) {
+            l[i] = (double)given[i];
+            gap[i] += s[i] * l[i];
+        }
+    }
+}
+
+HOT void interior_place(const Problem *problem, int64_t block, const Motion *z, double least, double product,
+                        const float *duals, double *pairs, Totals *totals) {
+    const int64_t count = points_in(problem, block), sides = problem->sides;
+    double *slack = pairs + 2 * BLOCK * block * sides, *dual = slack + BLOCK;
+    double worst[BLOCK], worst_jerk[BLOCK], gap[BLOCK];
+    APART
+    for (int64_t i = 0; i < count; i++) {
+        const double room = 1.0 - z->x[i] / problem->cap[block * BLOCK + i];
+        slack[i] = larger(room, least);
+        dual[i] = product / slack[i];
+        worst[i] = slack[i] - room;
+        worst_jerk[i] = 0.0;
+        gap[i] = duals ? 0.0 : (double)sides * product;
+    }
+    for (int64_t r = 0; r < problem->rows; r++) {
+        const Row row = row_of(problem, block, r, pairs);
+        if (r < problem->accelerations) place_row(ACCELERATION, count, &row, z, least, product, worst);
+        else place_row(JERK, count, &row, z, least, product, worst_jerk);
+    }
+    if (duals) place_duals(count, sides, duals + BLOCK * block * sides, slack, gap);
+    for (int64_t i = 0; i < count; i++) {
+        totals->residual = larger(totals->residual, larger(0.5 * worst[i], worst_jerk[i] / (1.0 + z->pace[i])));
+        totals->time += problem->weight[block * BLOCK + i] * z->pace[i];
+        totals->gap += gap[i];
+    }
+}
+
+/* ---- the affine step ------------------------------------------------------------------------------------------------ */
+
+/* Sums over the sides at every point of a block, for the affine step. */
+typedef struct {
+    double least[BLOCK], most[BLOCK], first[BLOCK], second[BLOCK];
+} Changes;
+
+INLINE void affine_row(int kind, int64_t count, const Row *row, const double *slope, const Motion *ahead, Pulls *pulls,
+                       Changes *sum) {
+    APART
+    for (int64_t i = 0; i < count; i++) {
+        const double value = value_of(kind, row, i, ahead), pace = pace_of(kind, i, ahead);
+        const Inverses per_slack = inverses(row->s1[i], row->s2[i]);
+        const double v1 = per_slack.a, v2 = per_slack.b;
+        const double ds1 = row->up * pace - value - row->s1[i], ds2 = row->down * pace + value - row->s2[i];
+        const double change1 = ds1 * v1, change2 = ds2 * v2;
+        const double first1 = ds1 * row->l1[i], first2 = ds2 * row->l2[i];
+        /* dl = -l (1 + ds / s) */
+        const double product1 = -first1 * (1.0 + change1), product2 = -first2 * (1.0 + change2);
+        const double e1 = product1 * v1, e2 = product2 * v2;
+        sum->least[i] = smaller(sum->least[i], smaller(change1, change2));
+        sum->most[i] = larger(sum->most[i], larger(change1, change2));
+        sum->first[i] += first1 + first2;
+        sum->second[i] += product1 + product2;
+        const double x1 = kind == JERK ? row->x[i] - row->up * slope[i] : row->x[i];
+        const double x2 = kind == JERK ? row->x[i] + row->down * slope[i] : row->x[i];
+        pulls->target[0][i] += v1 * x1 - v2 * x2;
+        pulls->target[1][i] += (v1 - v2) * row->a[i];
+        pulls->corrector[0][i] += e1 * x1 - e2 * x2;
+        pulls->corrector[1][i] += (e1 - e2) * row->a[i];
+        if (kind == JERK) {
+            pulls->target[2][i] += (v1 - v2) * row->c[i];
+            pulls->corrector[2][i] += (e1 - e2) * row->c[i];
+        }
+    }
+}
+
+HOT void interior_affine(const Problem *problem, int64_t block, const Motion *z, const Motion *ahead, const double *pairs,
+                         Pulls *pulls, Affine *affine) {
+    const int64_t count = points_in(problem, block);
+    const double *slack = pairs + 2 * BLOCK * block * problem->sides, *dual = slack + BLOCK;
+    double slope[BLOCK];
+    Changes sum;
+    APART
+    for (int64_t i = 0; i < count; i++) {
+        const double r = 1.0 / problem->cap[block * BLOCK + i], v = 1.0 / slack[i];
+        const double ds = 1.0 - r * ahead->x[i] - slack[i], change = ds * v, first = ds * dual[i];
+        const double product = -first * (1.0 + change);
+        slope[i] = pace_slope(z->pace[i]);
+        sum.least[i] = sum.most[i] = change;
+        sum.first[i] = first;
+        sum.second[i] = product;
+        pulls->target[0][i] = v * r;
+        pulls->corrector[0][i] = product * v * r;
+        pulls->target[1][i] = pulls->target[2][i] = pulls->corrector[1][i] = pulls->corrector[2][i] = 0.0;
+    }
+    for (int64_t r = 0; r < problem->rows; r++) {
+        const Row row = row_of(problem, block, r, (double *)pairs);
+        if (r < problem->accelerations) affine_row(ACCELERATION, count, &row, slope, ahead, pulls, &sum);
+        else affine_row(JERK, count, &row, slope, ahead, pulls, &sum);
+    }
+    APART
+    for (int64_t i = 0; i < count; i++) {
+        affine->least = smaller(affine->least, sum.least[i]);
+        affine->most = larger(affine->most, sum.most[i]);
+        affine->first += sum.first[i];
+        affine->second += sum.second[i];
+        affine->hope -= problem->weight[block * BLOCK + i] * (ahead->pace[i] - z->pace[i]);
+    }
+}
+
+/* ---- the whole step ------------------------------------------------------------------------------------------------- */
+
+/* Change of a slack, and what is left of complementarity, of one side.  ``hoped``, ``ahead``: the slack after the affine
+   and after the whole step by the linear model. */
+typedef struct {
+    double ds, rest;
+} Side;
+
+INLINE Side side_of(double s, double l, double v, double hoped, double ahead, const Stride *stride) {
+    const double affine = hoped - s, product = -affine * l * (1.0 + affine * v);
+    return (Side){ahead - s, stride->target - stride->corrector * product};
+}
+
+INLINE void decrease_row(int kind, int64_t count, const Row *row, const Motion *hoped, const Motion *ahead,
+                         const Stride *stride, double *worst_s, double *worst_l) {
+    APART
+    for (int64_t i = 0; i < count; i++) {
+        const double value0 = value_of(kind, row, i, hoped), pace0 = pace_of(kind, i, hoped);
+        const double value = value_of(kind, row, i, ahead), pace = pace_of(kind, i, ahead);
+        const double s1 = row->s1[i], s2 = row->s2[i], l1 = row->l1[i], l2 = row->l2[i];
+        const Inverses per_pair = inverses(s1 * l1, s2 * l2);
+        const double both1 = per_pair.a, both2 = per_pair.b, v1 = l1 * both1, v2 = l2 * both2;
+        const Side side1 = side_of(s1, l1, v1, row->up * pace0 - value0, row->up * pace - value, stride);
+        const Side side2 = side_of(s2, l2, v2, row->down * pace0 + value0, row->down * pace + value, stride);
+        const double fall1 = -side1.ds * v1, fall2 = -side2.ds * v2;
+        worst_s[i] = larger(worst_s[i], larger(fall1, fall2));
+        worst_l[i] = larger(worst_l[i], larger(1.0 - fall1 - side1.rest * both1, 1.0 - fall2 - side2.rest * both2));
+    }
+}
+
+HOT void interior_decrease(const Problem *problem, int64_t block, const Motion *z, const Motion *hoped,
+                           const Motion *ahead, const double *pairs, const Stride *stride, Decrease *worst) {
+    const int64_t count = points_in(problem, block);
+    const double *slack = pairs + 2 * BLOCK * block * problem->sides, *dual = slack + BLOCK;
+    double worst_s[BLOCK], worst_l[BLOCK], worst_x[BLOCK];
+    APART
+    for (int64_t i = 0; i < count; i++) {
+        const double r = 1.0 / problem->cap[block * BLOCK + i], both = 1.0 / (slack[i] * dual[i]), v = dual[i] * both;
+        const Side side = side_of(slack[i], dual[i], v, 1.0 - r * hoped->x[i], 1.0 - r * ahead->x[i], stride);
+        worst_s[i] = -side.ds * v;
+        worst_l[i] = 1.0 + side.ds * v - side.rest * both;
+        worst_x[i] = 1.0 - ahead->x[i] / z->x[i];
+    }
+    for (int64_t r = 0; r < problem->rows; r++) {
+        const Row row = row_of(problem, block, r, (double *)pairs);
+        if (r < problem->accelerations) decrease_row(ACCELERATION, count, &row, hoped, ahead, stride, worst_s, worst_l);
+        else decrease_row(JERK, count, &row, hoped, ahead, stride, worst_s, worst_l);
+    }
+    APART
+    for (int64_t i = 0; i < count; i++) {
+        worst->slack = larger(worst->slack, worst_s[i]);
+        worst->dual = larger(worst->dual, worst_l[i]);
+        worst->x = larger(worst->x, worst_x[i]);
+    }
+}
+
+/* ---- the step, and the next Newton system --------------------------------------------------------------------------- */
+
+/* Sums over the sides at every point of a block, where a step has been taken, or will be. */
+typedef struct {
+    double gap[BLOCK], worst[BLOCK], worst_jerk[BLOCK], load[BLOCK], slope[BLOCK];
+} Here;
+
+/* One side after a step: ``v``: the inverse of its slack; ``ahead``: its slack after the whole step by the linear model;
+   ``room``: its true one now. */
+INLINE void take_side(double *slack, double *dual, double v, double hoped, double ahead, double room,
+                      const Stride *stride) {
+    const double s = *slack, l = *dual;
+    const Side side = side_of(s, l, v, hoped, ahead, stride);
+    *dual = l + stride->dual * ((side.rest - l * side.ds) * v - l);
+    *slack = larger(s + stride->primal * side.ds, room);
+}
+
+INLINE void newton_row(int kind, int advance, int condense, int64_t count, const Row *row, const Motion *hoped,
+                       const Motion *ahead, const Motion *z, const Stride *stride, Here *here, Condensed *sums) {
+    APART
+    for (int64_t i = 0; i < count; i++) {
+        const double value = value_of(kind, row, i, z), pace = pace_of(kind, i, z);
+        const double room1 = row->up * pace - value, room2 = row->down * pace + value;
+        double s1 = row->s1[i], l1 = row->l1[i], s2 = row->s2[i], l2 = row->l2[i];
+        if (advance) {
+            const double value0 = value_of(kind, row, i, hoped), pace0 = pace_of(kind, i, hoped);
+            const double value1 = value_of(kind, row, i, ahead), pace1 = pace_of(kind, i, ahead);
+            const Inverses per_slack = inverses(s1, s2);
+            take_side(&s1, &l1, per_slack.a, row->up * pace0 - value0, row->up * pace1 - value1, room1, stride);
+            take_side(&s2, &l2, per_slack.b, row->down * pace0 + value0, row->down * pace1 + value1, room2, stride);
+            row->s1[i] = s1;
+            row->l1[i] = l1;
+            row->s2[i] = s2;
+            row->l2[i] = l2;
+            here->gap[i] += s1 * l1 + s2 * l2;
+            double *worst = kind == JERK ? here->worst_jerk : here->worst;
+            worst[i] = larger(worst[i], larger((s1 - room1) * row->per_up, (s2 - room2) * row->per_down));
+        }
+        if (condense) {
+            const Inverses per_slack = inverses(s1, s2);
+            const double w1 = l1 * per_slack.a, w2 = l2 * per_slack.b;
+            /* 0 where the slack is the true one */
+            const double e1 = w1 * (s1 - room1), e2 = w2 * (s2 - room2);
+            const double x1 = kind == JERK ? row->x[i] - row->up * here->slope[i] : row->x[i];
+            const double x2 = kind == JERK ? row->x[i] + row->down * here->slope[i] : row->x[i];
+            const double wx1 = w1 * x1, wx2 = w2 * x2, wx = wx1 + wx2, w = w1 + w2, e = e1 - e2;
+            sums->hessian[0][i] += wx1 * x1 + wx2 * x2;
+            sums->hessian[1][i] += wx * row->a[i];
+            sums->hessian[3][i] += w * row->a[i] * row->a[i];
+            sums->gradient[0][i] += e1 * x1 - e2 * x2;
+            sums->gradient[1][i] += e * row->a[i];
+            if (kind == JERK) {
+                sums->hessian[2][i] += wx * row->c[i];
+                sums->hessian[4][i] += w * row->a[i] * row->c[i];
+                sums->hessian[5][i] += w * row->c[i] * row->c[i];
+                sums->gradient[2][i] += e * row->c[i];
+                here->load[i] += row->up * l1 + row->down * l2;
+            }
+        }
+    }
+}
+
+/* Both of the functions below, with the parts that are asked for. */
+INLINE void newton_block(int advance, int condense, int clip, const Problem *problem, int64_t block, const Motion *hoped,
+                         const Motion *ahead, const Motion *z, const Stride *stride, double *pairs, Totals *totals,
+                         Condensed *sums) {
+    const int64_t count = points_in(problem, block), at = block * BLOCK;
+    double *slack = pairs + 2 * BLOCK * block * problem->sides, *dual = slack + BLOCK;
+    Here here;
+    APART
+    for (int64_t i = 0; i < count; i++) {
+        const double r = 1.0 / problem->cap[at + i], room = 1.0 - r * z->x[i];
+        double s = slack[i], l = dual[i];
+        if (advance) {
+            take_side(&s, &l, 1.0 / s, 1.0 - r * hoped->x[i], 1.0 - r * ahead->x[i], room, stride);
+            slack[i] = s;
+            dual[i] = l;
+            here.gap[i] = s * l;
+            here.worst[i] = s - room;
+            here.worst_jerk[i] = 0.0;
+        }
+        if (condense) {
+            const double w = l / s;
+            here.slope[i] = pace_slope(z->pace[i]);
+            here.load[i] = 0.0;
+            sums->hessian[0][i] = w * r * r;
+            sums->gradient[0][i] = w * (s - room) * r;
+            for (int k = 1; k < 6; k++) sums->hessian[k][i] = 0.0;
+            sums->gradient[1][i] = sums->gradient[2][i] = 0.0;
+        }
+    }
+    for (int64_t r = 0; r < problem->rows; r++) {
+        const Row row = row_of(problem, block, r, pairs);
+        if (r < problem->accelerations)
+            newton_row(ACCELERATION, advance, condense, count, &row, hoped, ahead, z, stride, &here, sums);
+        else
+            newton_row(JERK, advance, condense, count, &row, hoped, ahead, z, stride, &here, sums);
+    }
+    if (condense)
+        APART
+        for (int64_t i = 0; i < count; i++) {
+            const double weight = problem->weight[at + i], curvature = weight - here.load[i];
+            sums->gradient[0][i] += weight * here.slope[i];
+            sums->hessian[0][i] -= 1.5 * (clip ? larger(curvature, 0.0) : curvature) * here.slope[i] * (z->pace[i] * z->pace[i]);
+        }
+    if (advance)
+        APART
+        for (int64_t i = 0; i < count; i++) {
+            totals->gap += here.gap[i];
+            totals->time += problem->weight[at + i] * z->pace[i];
+            totals->residual = larger(totals->residual, larger(0.5 * here.worst[i], here.worst_jerk[i] / (1.0 + z->pace[i])));
+        }
+}
+
+HOT void interior_advance(const Problem *problem, int64_t block, const Motion *hoped, const Motion *ahead,
+                          const Motion *arrived, const Stride *stride, double *pairs, Totals *totals, Condensed *sums) {
+    if (sums) newton_block(1, 1, 0, problem, block, hoped, ahead, arrived, stride, pairs, totals, sums);
+    else newton_block(1, 0, 0, problem, block, hoped, ahead, arrived, stride, pairs, totals, sums);
+}
+
+HOT void interior_condense(const Problem *problem, int64_t block, const Motion *z, int clip, double *pairs,
+                           Condensed *sums) {
+    newton_block(0, 1, clip, problem, block, z, z, z, NULL, pairs, NULL, sums);
+}
