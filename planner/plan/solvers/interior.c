@@ -5,8 +5,6 @@
 #include "interior_inline.h"
 #include "solvers.h"
 
-#include <stddef.h>
-
 static const double FEASIBLE = 1e-9;
 static const double LEAST_CENTRING = 1e-4;
 static const double NEAR = 1e-2, NEAR_HOPE = 0.125; /* gap below which the hoped-for gain has only this share of its weight */

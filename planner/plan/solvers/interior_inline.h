@@ -4,6 +4,8 @@
 
 #include "planner/core.h"
 
+#include <stddef.h>
+
 /* Before a loop no turn of which reads what another one writes: all arrays are apart. */
 #if defined(__clang__)
 #define APART _Pragma("clang loop vectorize(assume_safety)")
@@ -11,6 +13,14 @@
 #define APART _Pragma("GCC ivdep")
 #else
 #define APART
+#endif
+
+/* HOT, and once more for AVX-512: its instructions on four numbers have twice as many registers, which the passes use. */
+#if defined(__x86_64__) && defined(__gnu_linux__) && defined(__GNUC__) && __GNUC__ >= 12 && !defined(__clang__) && \
+    !defined(FEEDPLAN_ONE_TARGET)
+#define HOTTEST __attribute__((target_clones("arch=x86-64-v4", "avx2", "default")))
+#else
+#define HOTTEST HOT
 #endif
 
 #define INLINE static inline __attribute__((always_inline))
@@ -108,7 +118,7 @@ static inline int64_t intervals_in(const Problem *problem, int64_t block) {
     return points_in(problem, block) / (problem->inner + 1);
 }
 
-/* ---- interior_points.c: passes over the points of a block ---------------------------------------------------------- */
+/* ---- interior_start.c: states of motions, and the start, at the points of a block ---------------------------------- */
 
 /* The pace of a motion. */
 void interior_pace(Motion *z, int64_t count);
@@ -125,6 +135,8 @@ void interior_used(const Problem *problem, int64_t block, const Motion *z, doubl
 /* Slacks of at least ``least``, and multipliers: those given, or the product over the slack. */
 void interior_place(const Problem *problem, int64_t block, const Motion *z, double least, double product,
                     const float *duals, double *pairs, Totals *totals);
+
+/* ---- interior_points.c: what an iteration does at the points of a block -------------------------------------------- */
 
 /* Measure the affine step that ends ``ahead``; the corrector's gradients. */
 void interior_affine(const Problem *problem, int64_t block, const Motion *z, const Motion *ahead, const double *pairs,

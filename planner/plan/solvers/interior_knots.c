@@ -35,7 +35,7 @@ INLINE void between(int inner, int64_t count, const double *h, const double *x, 
     }
 }
 
-HOT void interior_between(const Problem *problem, int64_t block, const Knots *knots, Motion *out) {
+HOTTEST void interior_between(const Problem *problem, int64_t block, const Knots *knots, Motion *out) {
     const int64_t first = first_interval(problem, block), count = intervals_in(problem, block);
     const double *h = problem->h + first, *x = knots->x + first, *a = knots->a + first, *c = knots->c + first;
     if (problem->inner == 1) between(1, count, h, x, a, c, out);
@@ -101,7 +101,7 @@ INLINE void gather(int inner, int64_t count, const double *h, const Condensed *s
     }
 }
 
-HOT void interior_gather(const Problem *problem, int64_t block, const Condensed *sums, Gathered *out) {
+HOTTEST void interior_gather(const Problem *problem, int64_t block, const Condensed *sums, Gathered *out) {
     const int64_t count = intervals_in(problem, block);
     const double *h = problem->h + first_interval(problem, block);
     if (problem->inner == 1) gather(1, count, h, sums, out);
@@ -117,7 +117,7 @@ INLINE void gather_pulls(int inner, int64_t count, int64_t row, const double *h,
     }
 }
 
-HOT void interior_gather_pulls(const Problem *problem, int64_t block, const Pulls *pulls, double *out) {
+HOTTEST void interior_gather_pulls(const Problem *problem, int64_t block, const Pulls *pulls, double *out) {
     const int64_t first = first_interval(problem, block), count = intervals_in(problem, block);
     const int64_t row = problem->intervals + 1, last = count * (problem->inner + 1);
     const double *h = problem->h + first;
@@ -133,7 +133,7 @@ HOT void interior_gather_pulls(const Problem *problem, int64_t block, const Pull
 
 /* ---- the Newton system ----------------------------------------------------------------------------------------------- */
 
-int interior_factor(const Problem *problem, int64_t block, const Gathered *sums, State *state, CostToGo *cost) {
+HOTTEST int interior_factor(const Problem *problem, int64_t block, const Gathered *sums, State *state, CostToGo *cost) {
     const int64_t first = first_interval(problem, block);
     const double(*q)[MOST_INTERVALS] = sums->hessian, (*g)[MOST_INTERVALS] = sums->gradient;
     double xx = cost->h[0], xa = cost->h[1], xc = cost->h[2], aa = cost->h[3], ac = cost->h[4], cc = cost->h[5];
@@ -173,7 +173,7 @@ int interior_factor(const Problem *problem, int64_t block, const Gathered *sums,
     return 1;
 }
 
-void interior_back(const Problem *problem, State *state, double target, double corrector, double at_first[3]) {
+HOTTEST void interior_back(const Problem *problem, State *state, double target, double corrector, double at_first[3]) {
     const int64_t n = problem->intervals, row = n + 1;
     const double *t = state->pulls, *p = state->pulls + 4 * row;
     double x = target * t[n] - corrector * p[n], a = target * t[row + n] - corrector * p[row + n];
@@ -195,7 +195,7 @@ void interior_back(const Problem *problem, State *state, double target, double c
     at_first[2] = c;
 }
 
-void interior_back_from(const Problem *problem, State *state, const double last[3], double at_first[3]) {
+HOTTEST void interior_back_from(const Problem *problem, State *state, const double last[3], double at_first[3]) {
     double x = last[0], a = last[1], c = last[2];
     for (int64_t k = problem->intervals - 1; k >= 0; k--) {
         const Cubic at = cubic(1.0, problem->h[k]);
@@ -233,7 +233,7 @@ static void first_state(const Problem *problem, const double h[6], const double 
     if (problem->fixed == 0) z[0] = -g[0] / h[0] - u * z[1] - w * z[2];
 }
 
-void interior_forth(const Problem *problem, const State *state, const double at_first[3], Knots step) {
+HOTTEST void interior_forth(const Problem *problem, const State *state, const double at_first[3], Knots step) {
     double z[3];
     first_state(problem, state->root, at_first, z);
     double x = z[0], a = z[1], c = z[2];

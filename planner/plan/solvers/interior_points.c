@@ -3,172 +3,7 @@
    A side of a row is  +-(r . z) <= bound, the bound a constant (acceleration) or a constant times the pace x^(-1/2) (jerk).
    Side 0 of a point is its speed, x / cap <= 1; then follow the upper and the lower side of every row.  The loops run over
    points and carry sums in arrays: so they become vector code without changing the order of any sum. */
-#include "interior_inline.h"
-
-#include <stddef.h>
-
-enum { ACCELERATION, JERK };
-
-/* One row in a block: its coefficients, the sizes of its bounds, what violations are divided by (times 1 + pace), slacks and
-   multipliers of its two sides. */
-typedef struct {
-    const double *x, *a, *c;
-    double up, down, per_up, per_down;
-    double *s1, *l1, *s2, *l2;
-} Row;
-
-INLINE Row row_of(const Problem *problem, int64_t block, int64_t i, double *pairs) {
-    const int64_t points = problem->points, at = block * BLOCK, k = i - problem->accelerations;
-    const double *r = k < 0 ? problem->acceleration + 2 * i * points + at : problem->jerk + 3 * k * points + at;
-    const double *bounds = problem->bounds + 2 * i;
-    double *own = pairs + 2 * BLOCK * (block * problem->sides + 1 + 2 * i);
-    return (Row){
-        .x = r,
-        .a = r + points,
-        .c = r + 2 * points,
-        .up = bounds[0],
-        .down = bounds[1],
-        .per_up = 1.0 / larger(bounds[0], 1.0),
-        .per_down = 1.0 / larger(bounds[1], 1.0),
-        .s1 = own,
-        .l1 = own + BLOCK,
-        .s2 = own + 2 * BLOCK,
-        .l2 = own + 3 * BLOCK,
-    };
-}
-
-INLINE double value_of(int kind, const Row *row, int64_t i, const Motion *z) {
-    const double value = row->x[i] * z->x[i] + row->a[i] * z->a[i];
-    return kind == JERK ? value + row->c[i] * z->c[i] : value;
-}
-
-/* The bound per unit of its size: the pace, or 1. */
-INLINE double pace_of(int kind, int64_t i, const Motion *z) { return kind == JERK ? z->pace[i] : 1.0; }
-
-/* Derivative of the pace by x. */
-INLINE double pace_slope(double pace) { return -0.5 * pace * pace * pace; }
-
-/* 1 / a and 1 / b, by one division: they are what takes longest. */
-typedef struct {
-    double a, b;
-} Inverses;
-
-INLINE Inverses inverses(double a, double b) {
-    const double both = 1.0 / (a * b);
-    return (Inverses){b * both, a * both};
-}
-
-HOT void interior_pace(Motion *z, int64_t count) {
-    APART
-    for (int64_t i = 0; i < count; i++) z->pace[i] = 1.0 / sqrt(z->x[i]);
-}
-
-HOT void interior_ahead(const Motion *z, const Motion *step, int64_t count, Motion *ahead) {
-    APART
-    for (int64_t i = 0; i < count; i++) {
-        ahead->x[i] = z->x[i] + step->x[i];
-        ahead->a[i] = z->a[i] + step->a[i];
-        ahead->c[i] = z->c[i] + step->c[i];
-        ahead->pace[i] = z->pace[i] + pace_slope(z->pace[i]) * step->x[i];
-    }
-}
-
-HOT void interior_arrive(const Motion *z, const Motion *step, int64_t count, double length, Motion *arrived) {
-    APART
-    for (int64_t i = 0; i < count; i++) {
-        arrived->x[i] = z->x[i] + length * step->x[i];
-        arrived->a[i] = z->a[i] + length * step->a[i];
-        arrived->c[i] = z->c[i] + length * step->c[i];
-        arrived->pace[i] = 1.0 / sqrt(arrived->x[i]);
-    }
-}
-
-/* ---- the start ---------------------------------------------------------------------------------------------------- */
-
-INLINE void use_row(int kind, int64_t count, const Row *row, const Motion *z, double *used) {
-    const double per_up = 1.0 / row->up, per_down = 1.0 / row->down;
-    APART
-    for (int64_t i = 0; i < count; i++) {
-        const double value = value_of(kind, row, i, z) * (kind == JERK ? z->x[i] * z->pace[i] : 1.0);
-        used[i] = larger(used[i], larger(value * per_up, -value * per_down));
-    }
-}
-
-HOT void interior_used(const Problem *problem, int64_t block, const Motion *z, double *pairs, Used *used) {
-    const int64_t count = points_in(problem, block);
-    double steady[BLOCK], jerk[BLOCK];
-    APART
-    for (int64_t i = 0; i < count; i++) {
-        steady[i] = z->x[i] / problem->cap[block * BLOCK + i];
-        jerk[i] = 0.0;
-    }
-    for (int64_t r = 0; r < problem->rows; r++) {
-        const Row row = row_of(problem, block, r, pairs);
-        if (r < problem->accelerations) use_row(ACCELERATION, count, &row, z, steady);
-        else use_row(JERK, count, &row, z, jerk);
-    }
-    for (int64_t i = 0; i < count; i++) {
-        used->steady = larger(used->steady, steady[i]);
-        used->jerk = larger(used->jerk, jerk[i]);
-        used->time += problem->weight[block * BLOCK + i] * z->pace[i];
-    }
-}
-
-INLINE void place_row(int kind, int64_t count, const Row *row, const Motion *z, double least, double product,
-                      double *worst) {
-    APART
-    for (int64_t i = 0; i < count; i++) {
-        const double value = value_of(kind, row, i, z), pace = pace_of(kind, i, z);
-        const double room1 = row->up * pace - value, room2 = row->down * pace + value;
-        const double s1 = larger(room1, least), s2 = larger(room2, least);
-        const Inverses per_slack = inverses(s1, s2);
-        row->s1[i] = s1;
-        row->s2[i] = s2;
-        row->l1[i] = product * per_slack.a;
-        row->l2[i] = product * per_slack.b;
-        worst[i] = larger(worst[i], larger((s1 - room1) * row->per_up, (s2 - room2) * row->per_down));
-    }
-}
-
-/* Put multipliers that are given in place of those of a start. */
-INLINE void place_duals(int64_t count, int64_t sides, const float *duals, double *pairs, double *gap) {
-    for (int64_t side = 0; side < sides; side++) {
-        const float *given = duals + BLOCK * side;
-        double *s = pairs + 2 * BLOCK * side, *l = s + BLOCK;
-        APART
-        for (int64_t i = 0; i < count; i++) {
-            l[i] = (double)given[i];
-            gap[i] += s[i] * l[i];
-        }
-    }
-}
-
-HOT void interior_place(const Problem *problem, int64_t block, const Motion *z, double least, double product,
-                        const float *duals, double *pairs, Totals *totals) {
-    const int64_t count = points_in(problem, block), sides = problem->sides;
-    double *slack = pairs + 2 * BLOCK * block * sides, *dual = slack + BLOCK;
-    double worst[BLOCK], worst_jerk[BLOCK], gap[BLOCK];
-    APART
-    for (int64_t i = 0; i < count; i++) {
-        const double room = 1.0 - z->x[i] / problem->cap[block * BLOCK + i];
-        slack[i] = larger(room, least);
-        dual[i] = product / slack[i];
-        worst[i] = slack[i] - room;
-        worst_jerk[i] = 0.0;
-        gap[i] = duals ? 0.0 : (double)sides * product;
-    }
-    for (int64_t r = 0; r < problem->rows; r++) {
-        const Row row = row_of(problem, block, r, pairs);
-        if (r < problem->accelerations) place_row(ACCELERATION, count, &row, z, least, product, worst);
-        else place_row(JERK, count, &row, z, least, product, worst_jerk);
-    }
-    if (duals) place_duals(count, sides, duals + BLOCK * block * sides, slack, gap);
-    for (int64_t i = 0; i < count; i++) {
-        totals->residual = larger(totals->residual, larger(0.5 * worst[i], worst_jerk[i] / (1.0 + z->pace[i])));
-        totals->time += problem->weight[block * BLOCK + i] * z->pace[i];
-        totals->gap += gap[i];
-    }
-}
+#include "interior_rows_inline.h"
 
 /* ---- the affine step ------------------------------------------------------------------------------------------------ */
 
@@ -207,7 +42,7 @@ INLINE void affine_row(int kind, int64_t count, const Row *row, const double *sl
     }
 }
 
-HOT void interior_affine(const Problem *problem, int64_t block, const Motion *z, const Motion *ahead, const double *pairs,
+HOTTEST void interior_affine(const Problem *problem, int64_t block, const Motion *z, const Motion *ahead, const double *pairs,
                          Pulls *pulls, Affine *affine) {
     const int64_t count = points_in(problem, block);
     const double *slack = pairs + 2 * BLOCK * block * problem->sides, *dual = slack + BLOCK;
@@ -271,7 +106,7 @@ INLINE void decrease_row(int kind, int64_t count, const Row *row, const Motion *
     }
 }
 
-HOT void interior_decrease(const Problem *problem, int64_t block, const Motion *z, const Motion *hoped,
+HOTTEST void interior_decrease(const Problem *problem, int64_t block, const Motion *z, const Motion *hoped,
                            const Motion *ahead, const double *pairs, const Stride *stride, Decrease *worst) {
     const int64_t count = points_in(problem, block);
     const double *slack = pairs + 2 * BLOCK * block * problem->sides, *dual = slack + BLOCK;
@@ -411,13 +246,13 @@ INLINE void newton_block(int advance, int condense, int clip, const Problem *pro
         }
 }
 
-HOT void interior_advance(const Problem *problem, int64_t block, const Motion *hoped, const Motion *ahead,
+HOTTEST void interior_advance(const Problem *problem, int64_t block, const Motion *hoped, const Motion *ahead,
                           const Motion *arrived, const Stride *stride, double *pairs, Totals *totals, Condensed *sums) {
     if (sums) newton_block(1, 1, 0, problem, block, hoped, ahead, arrived, stride, pairs, totals, sums);
     else newton_block(1, 0, 0, problem, block, hoped, ahead, arrived, stride, pairs, totals, sums);
 }
 
-HOT void interior_condense(const Problem *problem, int64_t block, const Motion *z, int clip, double *pairs,
+HOTTEST void interior_condense(const Problem *problem, int64_t block, const Motion *z, int clip, double *pairs,
                            Condensed *sums) {
     newton_block(0, 1, clip, problem, block, z, z, z, NULL, pairs, NULL, sums);
 }
