@@ -19,8 +19,9 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from statistics import median
-from time import process_time
+from time import process_time, process_time_ns
 from typing import Any
+from unittest.mock import patch
 
 HERE = Path(__file__).resolve().parents[1]
 _PACKAGES = ("planner", "interp", "feedplan")
@@ -29,6 +30,7 @@ _NUMPY = ("-c", "import numpy")
 _PLANAR = ("circle", "teardrop", "butterfly-nurbs")
 _PERIOD = 1e-3  # s
 _PATIENCE = 3600  # s
+_LOOPS = 10  # of some 40 ms
 
 
 class AbsentError(Exception):
@@ -167,7 +169,8 @@ def steps(folder: Path) -> dict[str, Any]:
     for name in _PLANAR:
         curve = load_curve(name)
         profile = read_table(folder / f"{name}.npz", curve)
-        step_ns[name] = min(loop_times(profile, FORMS[-1], _PERIOD))
+        with patch("time.perf_counter_ns", process_time_ns):  # this process's time, whatever else runs
+            step_ns[name] = min(min(loop_times(profile, FORMS[-1], _PERIOD)) for _ in range(_LOOPS))
         table = InterpolatorTable.from_profile(profile)
         state = start(table, _PERIOD)
         position = state[-table.dim :]
