@@ -98,7 +98,7 @@ def quadratic(a, b, c, r):
 def weight_and_pull(splines, first, second, k, r):
     """Weight 1 - sum |l| of the pace and coefficient g of x at points of the cells k."""
     of, h = splines.of, splines.track.h[k]
-    a, b, c = splines.controls()[:, :, k]
+    a, b, c = splines.controls[:, :, k]
     l1 = 2.0 * ((1.0 - r) * (b - a) + r * (c - b)) / h
     l2 = 2.0 * (a - 2.0 * b + c) / h**2
     m0, m1 = splines.acceleration[:, k], splines.acceleration[:, k + 1]

@@ -65,7 +65,7 @@ def best_splines(track: Track, pace: Pace, *, periodic: bool, rounds: int = ROUN
     splines : Splines
         With sum |l| <= 1.
     """
-    of = Multiplied.of(track.limits, track.section.curve)
+    of = track.of
     if of.jerk.size + of.acceleration.size == 0:  # only speeds are limited, and the caps say all
         return _valued(_none(track), periodic)
     margin, start = np.ones(track.sigma.size - 1), None
@@ -92,13 +92,13 @@ def _valued(splines: Splines, periodic: bool) -> tuple[float, Splines]:
 
 def _none(track: Track) -> Splines:
     """No multipliers: what the caps alone prove."""
-    of, knots = Multiplied.of(track.limits, track.section.curve), track.sigma.size
+    of, knots = track.of, track.sigma.size
     return Splines(track, of, np.zeros((of.jerk.size, knots + 1)), np.zeros((of.acceleration.size, knots)))
 
 
 def _splines(track: Track, theta: FloatArray, units: tuple[float, float], periodic: bool) -> Splines:
     """Multipliers in the path's own units from the control values of the method; where a path closes they meet exactly."""
-    of = Multiplied.of(track.limits, track.section.curve)
+    of = track.of
     table = theta.reshape(-1, of.jerk.size + of.acceleration.size).T
     length, tau = units
     jerk = np.ascontiguousarray(table[: of.jerk.size])
@@ -109,7 +109,7 @@ def _splines(track: Track, theta: FloatArray, units: tuple[float, float], period
 
 def problem_of(track: Track, pace: Pace, margin: FloatArray, *, periodic: bool) -> tuple[Problem, tuple[float, float]]:
     """Arrays of the method, and its units of length (of sigma) and time (s): a cell has about the length and time 1."""
-    of = Multiplied.of(track.limits, track.section.curve)
+    of = track.of
     jerks, width = of.jerk.size, of.jerk.size + of.acceleration.size
     full, h = track.full, track.h
     length, tau = float(track.sigma[-1]) / full.size, pace.duration / full.size

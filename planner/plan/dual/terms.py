@@ -147,17 +147,22 @@ class Track:
         )
         return bare._with_ways()._with_near()
 
-    @property
+    @cached_property
+    def of(self) -> Multiplied:
+        """The motions that have multipliers."""
+        return Multiplied.of(self.limits, self.section.curve)
+
+    @cached_property
     def h(self) -> FloatArray:
         """Lengths of the cells; 0 for empty ones."""
         return np.diff(self.sigma)
 
-    @property
+    @cached_property
     def full(self) -> IntArray:
         """Cells that are not empty."""
         return np.flatnonzero(self.h > 0.0)
 
-    @property
+    @cached_property
     def jumps(self) -> NDArray[np.bool_]:
         """Which cells are empty ones at a curvature jump, (n - 1,)."""
         at = np.array([b.u for b in self.section.jumps])

@@ -67,17 +67,17 @@ static inline Place place_in_cell(const Track *t, int64_t k, double r)
     double c[5], sums[5], back[5];
     slope_of_cell(t, k, c);
     for (int i = 0; i < 5; i++) {
-        sums[i] = (i ? sums[i - 1] : 0.0) + c[i] / 5.0;
-        back[i] = (i ? back[i - 1] : 0.0) + c[4 - i] / 5.0;
+        sums[i] = (i ? sums[i - 1] : 0.0) + c[i];
+        back[i] = (i ? back[i - 1] : 0.0) + c[4 - i];
     }
     Place at;
     at.u1 = s4 * c[0] + 4.0 * r * s3 * c[1] + 6.0 * r2 * s2 * c[2] + 4.0 * r3 * s * c[3] + r4 * c[4];
     at.u2 = s3 * (4.0 * (c[1] - c[0])) + 3.0 * r * s2 * (4.0 * (c[2] - c[1])) + 3.0 * r2 * s * (4.0 * (c[3] - c[2])) +
             r3 * (4.0 * (c[4] - c[3]));
-    at.gone = r * (5.0 * sums[0] * s4 + 10.0 * sums[1] * r * s3 + 10.0 * sums[2] * r2 * s2 + 5.0 * sums[3] * r3 * s +
-                   sums[4] * r4);
-    at.left = s * (5.0 * back[0] * r4 + 10.0 * back[1] * s * r3 + 10.0 * back[2] * s2 * r2 + 5.0 * back[3] * s3 * r +
-                   back[4] * s4);
+    at.gone = r * (sums[0] * s4 + 2.0 * sums[1] * r * s3 + 2.0 * sums[2] * r2 * s2 + sums[3] * r3 * s +
+                   0.2 * sums[4] * r4);
+    at.left = s * (back[0] * r4 + 2.0 * back[1] * s * r3 + 2.0 * back[2] * s2 * r2 + back[3] * s3 * r +
+                   0.2 * back[4] * s4);
     at.u1 /= h;
     at.u2 /= h * h;
     return at;

@@ -18,6 +18,7 @@ its halves, halved on where the two differ; the sum of the differences that are 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -49,6 +50,7 @@ class Splines:
         """Every multiplier times one factor; no other change leaves a bound as good as it is."""
         return Splines(self.track, self.of, factor * self.jerk, factor * self.acceleration)
 
+    @cached_property
     def controls(self) -> FloatArray:
         """Bernstein coefficients (3, J, n - 1) of l in each cell."""
         h = self.track.h
@@ -77,7 +79,7 @@ def normalised(splines: Splines) -> tuple[Splines, FloatArray]:
 def largest_load(splines: Splines) -> FloatArray:
     """Largest sum |l| in each cell, (n - 1,); exact: between changes of sign it is one quadratic."""
     k, lower, upper = _parts(splines)
-    a, b, c = splines.controls()[:, :, k]
+    a, b, c = splines.controls[:, :, k]
     middle = 0.5 * (lower + upper)
     sign = np.sign(_quadratic(a, b, c, middle))
     a, b, c = (np.sum(sign * part, axis=0) for part in (a, b, c))
@@ -97,7 +99,7 @@ def _quadratic(a: FloatArray, b: FloatArray, c: FloatArray, r: FloatArray) -> Fl
 def _parts(splines: Splines) -> tuple[IntArray, FloatArray, FloatArray]:
     """Cut the cells where an l changes its sign: cell, lower and upper end in [0, 1] of each part."""
     full = splines.track.full
-    a, b, c = splines.controls()[:, :, full]
+    a, b, c = splines.controls[:, :, full]
     bend, half = a - 2.0 * b + c, b - a
     with np.errstate(divide="ignore", invalid="ignore"):
         root = np.sqrt(half**2 - bend * a)
@@ -130,7 +132,7 @@ def integrand(splines: Splines, k: IntArray, r: FloatArray) -> tuple[FloatArray,
     of = splines.of
     found = np.empty(k.size), np.empty(k.size), np.empty(k.size)
     multipliers = (
-        *(of.jerk.size, of.jerk, of.most_jerk, splines.controls()),
+        *(of.jerk.size, of.jerk, of.most_jerk, splines.controls),
         *(of.acceleration.size, of.acceleration, of.most_acceleration, splines.acceleration),
     )
     core.value_integrand(*splines.track.arrays, *multipliers, k.size, k, r, *found)
@@ -188,7 +190,7 @@ def _sides(splines: Splines, k: IntArray, end: int) -> _Sides:
     of, track = splines.of, splines.track
     h = track.h[k]
     at = track.points(k, np.full(k.size, float(end)))
-    a, b, c = splines.controls()[:, :, k]
+    a, b, c = splines.controls[:, :, k]
     slope = 2.0 * ((b - a) if end == 0 else (c - b)) / h
     m = splines.acceleration[:, k + end]
     pull = np.sum(m * at.first[of.acceleration] / of.most_acceleration[:, None], axis=0)
@@ -242,7 +244,7 @@ def _spared(splines: Splines, jumps: IntArray) -> FloatArray:
     alone = (np.minimum(around[:-1], around[1:]) > 2.0 * reach) & (at > reach) & (times[-1] - at > reach)
     low = np.searchsorted(times[1:], at - reach, side="left")
     high = np.searchsorted(times[:-1], at + reach, side="right")
-    a, b, c = splines.controls()
+    a, b, c = splines.controls
     out = np.zeros((track.rise.shape[0], jumps.size))
     for n in np.flatnonzero(alone):
         some = np.arange(low[n], high[n])

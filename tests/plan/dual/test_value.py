@@ -55,7 +55,7 @@ def test_time_of_any_motion_is_what_the_multipliers_say_of_it():
     q = np.moveaxis(curve.derivatives(curve.domain[0] + sigma, 3), -1, 1)  # u is sigma here
     acceleration = q[2] * x + q[1] * a
     jerk = q[3] * x**1.5 + (3.0 * q[2] * a + q[1] * c) * np.sqrt(x)
-    controls = splines.controls()[:, :, k]
+    controls = splines.controls[:, :, k]
     load = (1.0 - r) ** 2 * controls[0] + 2.0 * r * (1.0 - r) * controls[1] + r**2 * controls[2]
     m = (1.0 - r) * splines.acceleration[:, k] + r * splines.acceleration[:, k + 1]
     by_rates = np.sum(step / np.sqrt(x) * np.sum(load * jerk / of.most_jerk[:, None], axis=0))
