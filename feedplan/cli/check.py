@@ -37,12 +37,11 @@ def check(
     that feedplan plan wrote, the lower bound is verified from the curve and the limits too; else it is only claimed.
     """
     with Streams() as at:
-        from feedplan.progress import ProgressLine, load_kernels
+        from feedplan.progress import ProgressLine
         from planner import read_table
 
         table, curve = at.table(table), at.curve(curve)
         job = load_job_of_table(table, curve, machine, scale=scale, tolerance=tolerance_mm)
-        load_kernels()
         with ProgressLine() as line:
             line("reading the table")
             verdict = job.judge(read_table(table, job.curve), line)

@@ -93,9 +93,8 @@ def compare(
         drawing = require_figure(plot, panels, width_mm, COMPARISON_PANELS)
         job = load_job(curve, machine, scale=scale, feed=feed_mm_s, period=period_s, notice=notice)
         from feedplan.comparison import compare as compare_methods
-        from feedplan.progress import ProgressLine, load_kernels
+        from feedplan.progress import ProgressLine
 
-        load_kernels()
         with ProgressLine() as line:
             found = compare_methods(job.curve, job.limits, methods, progress=line)
             facts = _facts(found, job.machine)

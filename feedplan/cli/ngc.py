@@ -77,10 +77,9 @@ def ngc(
             )
         else:
             job = _job_of_table(table, curve, scale, tolerance_mm)
-        from feedplan.progress import ProgressLine, load_kernels
+        from feedplan.progress import ProgressLine
         from planner import read_table
 
-        load_kernels()
         with ProgressLine() as line:
             profile = job.plan(line) if table is None else read_table(table, job.curve)
             verdict = job.judge(profile, line)

@@ -133,9 +133,8 @@ def plan(
             share=share,
             notice=notice,
         )
-        from feedplan.progress import ProgressLine, load_kernels
+        from feedplan.progress import ProgressLine
 
-        load_kernels()
         with ProgressLine() as line:
             verdict = job.run(
                 line,

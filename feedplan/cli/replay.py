@@ -47,12 +47,11 @@ def replay(
         table, curve, output = at.table(table), at.curve(curve), at.output(output, ".csv")
         require_apart([output], [table, curve])
         require_outputs(output, None)
-        from feedplan.progress import ProgressLine, load_kernels
+        from feedplan.progress import ProgressLine
         from planner import read_table
         from planner.output.table import write_samples
 
         job = load_job_of_table(table, curve, scale=scale, tolerance=tolerance_mm)
-        load_kernels()
         with ProgressLine() as line:
             line("reading the table")
             profile = read_table(table, job.curve)

@@ -48,11 +48,10 @@ def report(
         table, curve = at.table(table), at.curve(curve)
         page = at.output(output, ".html") or output
         require_report(page)
-        from feedplan.progress import ProgressLine, load_kernels
+        from feedplan.progress import ProgressLine
         from planner import read_table
 
         job = load_job_of_table(table, curve, machine, scale=scale, tolerance=tolerance_mm)
-        load_kernels()
         with ProgressLine() as line:
             line("reading the table")
             profile = read_table(table, job.curve)

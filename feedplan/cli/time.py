@@ -59,10 +59,9 @@ def time(
         require_apart([output], [program, machine])
         require_outputs(output, None)
         job = load_job(program, machine, feed=feed_mm_s, tolerance=tolerance_mm, notice=notice)
-        from feedplan.progress import ProgressLine, load_kernels
+        from feedplan.progress import ProgressLine
         from planner.programs.times import write_line_times
 
-        load_kernels()
         with ProgressLine() as line:
             profile = plain = job.plan(line)
             if job.limits.has_jerk:

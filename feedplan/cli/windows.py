@@ -59,12 +59,11 @@ def windows(
     Exit code 1: the plan breaks a limit.
     """
     require_program(program, "feedplan windows")
-    from feedplan.progress import ProgressLine, load_kernels
+    from feedplan.progress import ProgressLine
     from planner.programs.long.windows import plan_program
 
     limits, name = load_machine(machine)
     limits = limits if feed_mm_s is None else limits.with_feed(feed_mm_s)
-    load_kernels()
     began = time.perf_counter()
     with ProgressLine() as line:
         plan = plan_program(program, limits, tolerance_mm, output=output, progress=line, resume=not fresh)

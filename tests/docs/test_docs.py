@@ -34,8 +34,7 @@ STATUS = re.compile(r"#\s*exit status (\d)\s*$")
 
 
 @pytest.fixture(scope="module", autouse=True)
-def _compiled():
-    feedplan.progress.load_kernels()
+def _drawn_without_a_screen():
     mpl.use("Agg")
 
 

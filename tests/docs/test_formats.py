@@ -57,7 +57,6 @@ def agree(page, table, found):
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
     """Files and JSON of every kind; between them they have every key."""
-    feedplan.progress.load_kernels()
     folder = tmp_path_factory.mktemp("files")
     points = folder / "points.csv"
     points.write_text("0,0\n10,1\n20,4\n30,9\n40,16\n")

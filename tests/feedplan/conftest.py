@@ -5,17 +5,10 @@ from __future__ import annotations
 import pytest
 
 from feedplan.cli import app
-from feedplan.progress import load_kernels
-
-
-@pytest.fixture(scope="session")
-def compiled():
-    """Compile before standard error is looked at."""
-    load_kernels()
 
 
 @pytest.fixture
-def run(capsys, compiled):
+def run(capsys):
     """Run a command; returns its exit code, standard output and standard error."""
 
     def command(*arguments):

@@ -29,7 +29,7 @@ from planner.profile import make_profile
 from planner.status import Status
 
 QUICK = ("--intervals", "60")
-HEAVY = ("numpy", "scipy", "casadi", "numba", "matplotlib", "pydantic", "toppra", "ruckig", "rich")
+HEAVY = ("numpy", "scipy", "casadi", "matplotlib", "pydantic", "toppra", "ruckig", "rich")
 
 
 PANELS = "path, feed, velocity, acceleration, jerk, chord, binding"
@@ -515,28 +515,3 @@ class TestProgress:
         with feedplan.progress.ProgressLine() as line:
             line("reading", None)
         assert screen.getvalue() == ""
-
-    def test_nothing_is_left_to_compile_once_they_are_loaded(self):
-        """Neither with a jerk limit nor without one, nor for the bound: what is compiled later counts as planning."""
-        script = (
-            "import sys, feedplan.progress\nfeedplan.progress.load_kernels()\n"
-            "loaded = set(sys.modules)\n"
-            "from planner import Limits, certify, check, load_curve, plan_feedrate\nfrom interp import replay\n"
-            "curve = load_curve('circle')\n"
-            "for jerk in (2e4, float('inf')):\n"
-            "    limits = Limits(100.0, [250.0] * 2, [1e3] * 2, [jerk] * 2, chord_error=1e-3)\n"
-            "    plan = plan_feedrate(curve, limits, intervals=100)\n"
-            "    certify(curve, limits, plan), check(curve, limits, replay(curve, plan))\n"
-            "print([name for name in set(sys.modules) - loaded if name.endswith('kernels')])\n"
-        )
-        run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-        assert run.stdout == "[]\n"
-
-    def test_compiling_is_announced_once_it_takes_long(self, monkeypatch, capsys):
-        monkeypatch.setattr(feedplan.progress, "_LOADING", 0.01)
-        feedplan.progress.load_kernels()
-        time.sleep(0.05)
-        assert capsys.readouterr().err == ""
-        monkeypatch.setattr(feedplan.progress, "import_module", lambda _name: time.sleep(0.1))
-        feedplan.progress.load_kernels()
-        assert capsys.readouterr().err == "compiling the kernels (first run only, about 30 s)\n"
