@@ -6,11 +6,8 @@ the finished plan is measured as the check measures it, by the distance of the p
 section in which it is too large is slowed down: on a circle the error goes with the square of the speed.  Such a place is
 passed slowly anyway, but the whole section pays for it; the plan says so.
 
-Most plans cannot get so far off at all, and nothing is measured where either of two bounds is well below what is allowed:
-
-1. A position p(t) with |p''| <= A leaves the chord of a period T by at most A T^2 / 8, whatever the path.
-2. A path without corners, of curvature k at most, leaves a chord over a length L by at most k L^2 / 8; where the curvature
-   is largest in a period, at a speed v, the path of that period is no longer than (v + A T) T.
+Most machines cannot get so far off at all: a position p(t) with |p''| <= A leaves the chord of a period T by at most
+A T^2 / 8, whatever the path, and where that is well below what is allowed nothing is measured.
 """
 
 from __future__ import annotations
@@ -20,7 +17,7 @@ from numpy.typing import NDArray
 
 from planner.geometry.chord import distance_to_chord
 from planner.geometry.curve import ROTARY_AXES, Curve
-from planner.geometry.differential import curvature, norm
+from planner.geometry.differential import norm
 from planner.law import TimeLaw
 from planner.machine.limits import Limits
 from planner.types import FloatArray
@@ -32,9 +29,8 @@ _MAX_PASSES = 24  # of one section
 _MAX_STEP = 3.0  # of the slowing down in one pass
 _BEYOND = 1e-6
 _MAX_POINTS = 1_000_000
-# Of the bounds: accelerations are kept but for a millionth, and between points the curvature is little larger.
+# Of the acceleration limits: a section that may be slowed down keeps them, but for a millionth.
 _ROOM = 2.0
-_LOOKS = 4
 
 
 def largest_chord_error(curve: Curve, limits: Limits) -> float:
@@ -43,12 +39,8 @@ def largest_chord_error(curve: Curve, limits: Limits) -> float:
     A linear interpolation over T of a function whose second derivative is at most A is off by A T^2 / 8.  Velocities are
     continuous: in a corner a plan stops.
     """
-    return _most_acceleration(curve, limits) * limits.period**2 / 8.0
-
-
-def _most_acceleration(curve: Curve, limits: Limits) -> float:
-    """Largest acceleration of the tool tip that its axes allow, mm/s^2."""
-    return float(norm(limits.acceleration[[axis not in ROTARY_AXES for axis in curve.axes]]))
+    linear = [axis not in ROTARY_AXES for axis in curve.axes]
+    return float(norm(limits.acceleration[linear])) * limits.period**2 / 8.0
 
 
 def chord_shares(curve: Curve, limits: Limits, law: TimeLaw) -> tuple[FloatArray, FloatArray]:
@@ -77,23 +69,6 @@ def chord_shares(curve: Curve, limits: Limits, law: TimeLaw) -> tuple[FloatArray
     return np.asarray(times[: covering.size], dtype=np.float64), np.asarray(covering[: times.size], dtype=np.float64)
 
 
-def chord_error_by_curvature(curve: Curve, limits: Limits, law: TimeLaw) -> float:
-    """Distance, mm, that the path leaves its chords of one period by at most, by its curvature where a plan is how fast.
-
-    The second bound above at _LOOKS points an interval; inf where the path has corners.
-    """
-    if any(b.is_corner for b in curve.breaks):
-        return np.inf
-    step = np.diff(law.t)
-    t = (law.t[:-1, None] + step[:, None] * (np.arange(_LOOKS) / _LOOKS)).reshape(-1)
-    u, rate, _, _ = law.at(np.append(t, law.t[-1]))
-    d = curve.tip.pieces.evaluate(u, 2, False)
-    faster = norm(d[1]) * rate + _most_acceleration(curve, limits) * limits.period
-    bends = curvature(d)
-    straight = bends == 0.0
-    return float(np.max(np.where(straight, 0.0, bends) * np.where(straight, 0.0, faster) ** 2)) * limits.period**2 / 8.0
-
-
 def slowed_for_chords(curve: Curve, limits: Limits, parts: list[TimeLaw], may_slow: NDArray[np.bool_]) -> FloatArray:
     """Factors (k,) by which the sections of a plan have to be slowed down until its true chord error is kept.
 
@@ -108,8 +83,6 @@ def slowed_for_chords(curve: Curve, limits: Limits, parts: list[TimeLaw], may_sl
     """
     factors = np.ones(len(parts))
     if _ROOM * largest_chord_error(curve, limits) <= limits.chord_error:
-        return factors
-    if _ROOM * chord_error_by_curvature(curve, limits, TimeLaw.joined(parts)) <= limits.chord_error:
         return factors
     passes = np.zeros(len(parts), dtype=np.intp)
     while passes.max() < _MAX_PASSES:

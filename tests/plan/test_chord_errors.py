@@ -9,7 +9,7 @@ from cases import DRIVES, MILL, line, square
 from planner import Limits, load_curve, load_limits, plan_feedrate
 from planner.geometry.nurbs import NurbsCurve
 from planner.plan import chord_errors
-from planner.plan.chord_errors import chord_error_by_curvature, largest_chord_error, slowed_for_chords
+from planner.plan.chord_errors import largest_chord_error, slowed_for_chords
 from planner.verify.chords import profile_chord
 from planner.verify.motion import Motion, Quintics
 
@@ -61,7 +61,6 @@ def test_what_accelerations_allow_is_measured_and_what_they_do_not_is_not(monkey
     law = plan_feedrate(curve, MILL, intervals=60).law
     monkeypatch.setattr(chord_errors, "profile_chord", counted)
     most = largest_chord_error(curve, MILL)
-    monkeypatch.setattr(chord_errors, "chord_error_by_curvature", lambda *_: np.inf)
     for share, times in ((2.01, 0), (np.inf, 0), (1.99, 1), (0.5, 1)):
         error = share * most
         limits = Limits(MILL.feed, MILL.velocity, MILL.acceleration, MILL.jerk, chord_error=error)
@@ -88,32 +87,3 @@ def test_a_straight_line_has_no_chord_error():
     curve = line(20.0)
     plan = plan_feedrate(curve, limits, intervals=60)
     assert slowed_for_chords(curve, limits, [plan.law], FREE)[0] == 1.0
-
-
-@pytest.mark.parametrize("period", [1e-3, 8e-3])
-def test_no_plan_leaves_its_chords_by_more_than_its_curvature_says(period):
-    close = 0
-    for seed in range(1, 13):
-        curve = hairpin(seed)
-        limits = Limits(60.0, [250.0] * 2, [1000.0, 600.0], [2e5] * 2, period=period)
-        law = plan_feedrate(curve, limits, intervals=200).law
-        most = chord_error_by_curvature(curve, limits, law)
-        found = profile_chord(Motion.of(curve, Quintics.of(law)), period)[0]
-        assert found <= most * (1.0 + 1e-6)
-        close += found > 0.5 * most
-    assert close >= (4 if period == 1e-3 else 1)
-
-
-def test_a_corner_has_no_bound_by_curvature():
-    curve = square(3.0)
-    assert chord_error_by_curvature(curve, MILL, plan_feedrate(curve, MILL, intervals=60).law) == np.inf
-
-
-def test_a_path_of_mild_curvature_is_not_measured(monkeypatch):
-    """Five axes and 2 ms: the accelerations alone would allow three times the chord error."""
-    curve, limits = load_curve("flank"), load_limits("five-axis")
-    law = plan_feedrate(curve, limits, intervals=100).law
-    assert largest_chord_error(curve, limits) > limits.chord_error
-    assert 2.0 * chord_error_by_curvature(curve, limits, law) < limits.chord_error
-    monkeypatch.setattr(chord_errors, "profile_chord", None)
-    assert slowed_for_chords(curve, limits, [law], FREE)[0] == 1.0
