@@ -138,7 +138,8 @@ def plan_feedrate(
         except SolverError as error:
             raise explained(curve, error, section.u_start, section.u_end) from None
         _require_worth(section, plans[-1], free=method == "optimal" and intervals is None)
-    plans = _hold_chords(curve, limits, sections, plans)
+    # Grids and solutions are not kept beside the profile that is made of their laws.
+    plans = [replace(plan, outcome=None) for plan in _hold_chords(curve, limits, sections, plans)]
     law = TimeLaw.joined([plan.law for plan in plans])
     try:
         require_law(curve, law)

@@ -138,7 +138,8 @@ def guess_feed(section: Section, limits: Limits, intervals: int, *, follow: bool
             *(weights * limits.velocity, accelerations, jerks, commanded, limits.chord_error, limits.period),
             *(limits.tangential_acceleration, limits.tangential_jerk, rows),
         )
-        ceiling, by_jerk, acceleration, jerk, kappa = rows
+        ceiling, by_jerk, _, _, kappa = rows
+        acceleration, jerk = rows[2].copy(), rows[3].copy()  # kept, the others are not
         ceiling = np.fmin(ceiling, np.cbrt(by_jerk))
     at = np.searchsorted(y, dips.y)
     ceiling[at] = np.minimum(ceiling[at], dips.feed)
