@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from planner.compiled import core
 from planner.errors import CurveError
 from planner.geometry.curve import Curve, Pieces, golden_minimum, require_regular
 from planner.geometry.fit import fit_pieces
@@ -114,8 +115,8 @@ class DualSplineCurve(Curve):
     def _evaluate(self, u: FloatArray, order: int, left: BoolArray) -> FloatArray:
         splines = [spline._evaluate(u, 3, left) for spline in (self.bottom, self.top)]
         out = _machine_axes()(np.concatenate(splines, axis=2), order)
-        near = np.interp(u, self._scan[0], self._unwrapped)
-        out[0, :, 4] += 2.0 * np.pi * np.round((near - out[0, :, 4]) / (2.0 * np.pi))
+        places, angles = self._scan[0], self._unwrapped
+        core.angle_follow(places.size, places, angles, u.size, u, len(self.axes), out[0].reshape(-1)[4:])
         return out
 
     def definition(self) -> Mapping[str, Any]:

@@ -29,6 +29,11 @@ void arclength_inverse(int64_t panels, int64_t terms, int64_t speed_terms, const
 void tape_run(int64_t steps, const int32_t *code, int64_t inputs, int64_t constants, const double *constant,
               int64_t rows, const int32_t *row, int64_t n, int64_t order, const double *in, double *out, double *work);
 
+/* Add whole turns to angle[i apart], i < n, so that it is next to the broken line through places and angles (m each, m > 1,
+ * places increasing) at u (n). */
+void angle_follow(int64_t m, const double *places, const double *angles, int64_t n, const double *u, int64_t apart,
+                  double *angle);
+
 /* Tabulate the inverse of a blend's arc length: the Chebyshev series (panels, 12) of tau over the share of the length, on panels
  * between edges (panels + 1) within 0 .. 1, as narrow as it takes for rounding to be all that is left out.  Returns how many
  * panels there are; -1 if more than room.  lengths (terms) and speeds (speed_terms): Chebyshev series of the length, and of its

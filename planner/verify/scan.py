@@ -56,7 +56,8 @@ def scan_spans(motion: Motion, density: int) -> Scan:
     steps = np.zeros((2, spans + 1, dim))
     before, after = np.zeros((2, spans + 1)), np.zeros((2, spans + 1))
     feed, feed_place = np.empty((2, spans))
-    for span in chunks(spans, density):
+    coordinates = dim if motion.curve.tip is motion.curve else dim + tip
+    for span in chunks(spans, density * max(1, coordinates // 4)):  # fewer points, where each has more numbers
         some = slice(span[0], span[-1] + 1)
         x = motion.grid(span, density)
         ends, kept = np.empty((2, count, span.size)), np.empty((2, count, span.size))

@@ -118,6 +118,40 @@ def test_sines_of_large_numbers_are_those_of_the_library_and_of_no_number_none()
     assert np.isnan(sines(np.array([np.inf, np.nan, -np.inf, 1.0]))[:, :3]).all()
 
 
+def angles(y, x):
+    recorder = Recorder(2)
+    tape = recorder.tape([recorder.function(Operation.ATAN2, recorder.input(0), recorder.input(1))])
+    values = np.zeros((4, x.size, 2))
+    values[0] = np.stack([y, x], axis=1)
+    return tape(values, 0)[0, :, 0]
+
+
+@pytest.mark.parametrize("scale", [1e-200, 1.0, 1e200])
+def test_angles_are_right_to_two_digits(scale):
+    """All round, and where the place beside which they are taken changes, on either side of it."""
+    rng = np.random.default_rng(2)
+    tangents = np.array([0.4375, 0.6875, 1.1875, 2.4375, 0.5, 1.0, 1.5])
+    angle = np.concatenate([rng.uniform(-np.pi, np.pi, 600), np.arctan(tangents), [1e-17, -1e-9, 3.1415]])
+    x, y = scale * np.cos(angle), scale * np.sin(angle)
+    x = np.concatenate([x, np.full(21, scale), -np.full(21, scale)])
+    beside = scale * np.concatenate([tangents, np.nextafter(tangents, 0.0), np.nextafter(tangents, 9.0)])
+    y = np.concatenate([y, beside, -beside])
+    found = angles(y, x)
+    with mpmath.workdps(40):
+        exact = [mpmath.atan2(mpmath.mpf(float(a)), mpmath.mpf(float(b))) for a, b in zip(y, x, strict=True)]
+        apart = np.array([float(abs(mpmath.mpf(float(one)) - two)) for one, two in zip(found, exact, strict=True)])
+    assert (apart <= 1.5 * np.spacing(np.abs(found))).all()
+
+
+def test_angles_of_zeros_and_of_what_is_no_number_are_those_of_the_library():
+    x = np.array([0.0, -0.0, 1.0, -1.0, np.inf, -np.inf, np.nan, 1.0, 0.0, 1e-300, 1e300, -2.0])
+    y = np.array([0.0, 0.0, -0.0, -0.0, 1.0, np.inf, 1.0, np.nan, -3.0, 1e-301, 1e300, np.inf])
+    assert np.array_equal(angles(y, x), np.arctan2(y, x), equal_nan=True)
+    # Each alone, for one of them sends its whole block to the library.
+    each = np.concatenate([angles(y[[k]], x[[k]]) for k in range(x.size)])
+    assert np.array_equal(each, np.arctan2(y, x), equal_nan=True)
+
+
 @pytest.mark.parametrize("count", [1, BLOCK - 1, BLOCK, BLOCK + 1, 3 * BLOCK + 7])
 def test_points_do_not_depend_on_the_points_beside_them(count):
     recorder = Recorder(2)
