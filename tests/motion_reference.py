@@ -218,3 +218,16 @@ def chord_heights(points, stride, parts, height, top):
             distance[k] = np.sqrt(apart)
         top[i] = _highest(distance)
         height[i] = _peak(distance, top[i])
+
+
+def mean_jerks(d, rates, u, start, h, gap):
+    """Size of the mean jerk over whole intervals, and what rounding can make of it, (n, dim): by array arithmetic."""
+    eps, count = np.finfo(np.float64).eps, h.size
+    position, first, second, third = (part.reshape(count, 2, -1) for part in np.abs(d))
+    u1, u2 = (rate[..., None] for rate in rates[:2])
+    signed = d.reshape(4, count, 2, -1)
+    acceleration = signed[2] * u1**2 + signed[1] * u2
+    off = 16.0 * eps * (second * u1**2 + first * np.abs(u2) + position * u1**2 / gap[:, None, None] ** 2)
+    off += eps * np.abs(u)[..., None] * (third * u1**2 + second * np.abs(u2))
+    mean = np.abs(acceleration[:, 1] - acceleration[:, 0]) / h[:, None]
+    return mean, off.sum(axis=1) / h[:, None] + mean * eps * (start + h)[:, None] / h[:, None]

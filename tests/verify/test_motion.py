@@ -214,6 +214,57 @@ def test_compiled_law_has_the_bits_of_the_plain_one():
     assert (law.parameters(t, low, high) == expected).all()
 
 
+def test_knots_are_found_where_the_law_passes_them():
+    law = Quintics.of(plan_on("circle"))
+    rng = np.random.default_rng(9)
+    i = rng.integers(0, law.h.size, 50)
+    low, high = law.u_ends[:, i]
+    u = np.concatenate([low + (high - low) * rng.uniform(size=50), high[:5]])
+    i = np.concatenate([i, i[:5]])
+    x = law.crossing(i, u)
+    assert ((x >= 0.0) & (x <= 1.0)).all()
+    assert law.value(i, x[:, None])[:, 0] == pytest.approx(u, rel=1e-14)
+    before = np.nextafter(x, 0.0)[:, None]
+    assert (law.value(i, before)[:, 0] < u).all()
+
+
+def test_grid_is_equidistant_and_meets_both_ends(motion):
+    span = np.array([3, 0, 5])
+    for density in (4, 24, 25):
+        x = motion.grid(span, density)
+        lower, upper = motion.lower[span, None], motion.upper[span, None]
+        assert x == pytest.approx(lower + (upper - lower) * np.linspace(0.0, 1.0, density), rel=1e-15, abs=1e-16)
+        assert (x[:, [0]] == lower).all()
+        assert (x[:, [-1]] == upper).all()
+
+
+@pytest.mark.parametrize("density", [1, 25, 40])
+def test_use_of_one_quantity_is_its_size_less_its_slack(motion, density):
+    count, dim = len(names(motion.curve.dim)), motion.curve.dim
+    span = np.arange(count) % motion.interval.size
+    x = np.random.default_rng(density).uniform(size=(count, density))
+    d, p, cartesian, rates, slack = motion.states(span, x)
+    row, used = np.arange(count), np.empty(x.shape)
+    core.scan_used(*x.shape, dim, p.shape[2], d, None if cartesian else p, rates, slack, row, used)
+    values, granted = measure_points(d, p, cartesian, rates, slack)
+    sizes = np.abs(values)
+    sizes[REVERSAL] = values[REVERSAL]
+    assert (used == (sizes - granted)[row, row]).all()
+
+
+@pytest.mark.parametrize("dim", [2, 5])
+def test_compiled_mean_jerks_are_those_of_array_arithmetic(dim):
+    rng = np.random.default_rng(dim)
+    count = 20
+    d, rates, u = rng.normal(size=(4, 2 * count, dim)), rng.normal(size=(3, count, 2)), rng.normal(size=(count, 2))
+    start, h, gap = rng.uniform(0.0, 3.0, count), 10.0 ** rng.uniform(-9.0, 0.0, count), rng.uniform(0.01, 1.0, count)
+    mean, slack = np.empty((2, dim, count))
+    core.meanjerk_measure(count, dim, d, rates, u, start, h, gap, mean, slack)
+    expected = plain.mean_jerks(d, rates, u, start, h, gap)
+    assert pytest.approx(expected[0], rel=1e-13) == mean.T
+    assert pytest.approx(expected[1], rel=1e-13) == slack.T
+
+
 def chord_heights(points, stride, parts, count):
     height, top = np.empty(count), np.empty(count, dtype=np.intp)
     work = np.empty(points.size + 2 * (parts + 1))
