@@ -102,9 +102,7 @@ class FormulaCurve(Curve):
         return recorder.tape(rows)
 
     def _evaluate(self, u: FloatArray, order: int, left: BoolArray) -> FloatArray:
-        values = np.zeros((4, u.size, 1))
-        values[0, :, 0], values[1] = u, 1.0
-        return self._tape(values, order)
+        return self._tape(u[None, :, None], order)
 
     @cached_property
     def pieces(self) -> Pieces:

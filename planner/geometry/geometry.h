@@ -23,11 +23,12 @@ void arclength_inverse(int64_t panels, int64_t terms, int64_t speed_terms, const
                        double *out);
 
 /* Run the steps of a tape, code (steps, 4): what to do, the slots of two operands, that of the result, which is none of these.
- * Slots: the inputs, the constants, and what the steps make; row (rows): those of the results.  in (4, n, inputs): values and
- * derivatives 1..3 with respect to a parameter, of which only the values are read if order is 0; out (order + 1, n, rows).
- * work: 128 numbers for each slot. */
+ * Slots: the inputs, the constants, and what the steps make; row (rows): those of the results.  in (given, n, inputs): values and
+ * derivatives with respect to a parameter, given = 4, of which only the values are read if order is 0; or values alone, given = 1,
+ * of the parameter itself.  out (order + 1, n, rows).  work: 128 numbers for each slot. */
 void tape_run(int64_t steps, const int32_t *code, int64_t inputs, int64_t constants, const double *constant,
-              int64_t rows, const int32_t *row, int64_t n, int64_t order, const double *in, double *out, double *work);
+              int64_t rows, const int32_t *row, int64_t n, int64_t order, int64_t given, const double *in, double *out,
+              double *work);
 
 /* Add whole turns to angle[i apart], i < n, so that it is next to the broken line through places and angles (m each, m > 1,
  * places increasing) at u (n). */

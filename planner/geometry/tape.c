@@ -149,19 +149,19 @@ static void logarithm(int64_t n, const double *x, Outer *f)
     }
 }
 
-INLINED void sine(int64_t n, const double *x, Outer *f)
+INLINED void sine(int64_t n, int full, const double *x, Outer *f)
 {
     sine_cosine(n, x, f->f0, f->f1);
-    for (int64_t i = 0; i < n; i++) {
+    for (int64_t i = 0; full && i < n; i++) {
         f->f2[i] = -f->f0[i];
         f->f3[i] = -f->f1[i];
     }
 }
 
-INLINED void cosine(int64_t n, const double *x, Outer *f)
+INLINED void cosine(int64_t n, int full, const double *x, Outer *f)
 {
     sine_cosine(n, x, f->f3, f->f0);
-    for (int64_t i = 0; i < n; i++) {
+    for (int64_t i = 0; full && i < n; i++) {
         f->f1[i] = -f->f3[i];
         f->f2[i] = -f->f0[i];
     }
@@ -260,8 +260,8 @@ INLINED void apply(int code, int64_t n, int full, Jet x, double c, Values *restr
     case POWER: power(n, x[0], c, &f); break;
     case EXP: exponential(n, x[0], &f); break;
     case LOG: logarithm(n, x[0], &f); break;
-    case SIN: sine(n, x[0], &f); break;
-    case COS: cosine(n, x[0], &f); break;
+    case SIN: sine(n, full, x[0], &f); break;
+    case COS: cosine(n, full, x[0], &f); break;
     case TAN: tangent(n, x[0], &f); break;
     case ASIN: arcsine(n, x[0], 1.0, &f); break;
     case ACOS: arcsine(n, x[0], -1.0, &f); break;
@@ -292,8 +292,8 @@ INLINED void run_step(int code, int64_t n, int full, Jet a, Jet b, Values *restr
 }
 
 HOT void tape_run(int64_t steps, const int32_t *code, int64_t inputs, int64_t constants, const double *constant,
-                  int64_t rows, const int32_t *row, int64_t n, int64_t order, const double *in, double *out,
-                  double *work)
+                  int64_t rows, const int32_t *row, int64_t n, int64_t order, int64_t given, const double *in,
+                  double *out, double *work)
 {
     Values *slots = (Values *)work;
     const int full = order > 0, orders = full ? 4 : 1;
@@ -306,7 +306,7 @@ HOT void tape_run(int64_t steps, const int32_t *code, int64_t inputs, int64_t co
         for (int k = 0; k < orders; k++)
             for (int64_t j = 0; j < inputs; j++)
                 for (int64_t i = 0; i < count; i++)
-                    slots[4 * j + k][i] = in[(k * n + first + i) * inputs + j];
+                    slots[4 * j + k][i] = k < given ? in[(k * n + first + i) * inputs + j] : k == 1;
         for (int64_t s = 0; s < steps; s++) {
             const int32_t *step = code + 4 * s; /* what to do, two operands, target */
             run_step(step[0], count, full, (Jet)(slots + 4 * step[1]), (Jet)(slots + 4 * step[2]), slots + 4 * step[3]);

@@ -291,8 +291,8 @@ class Tape:
 
         Parameters
         ----------
-        values : (4, n, inputs) array
-            The inputs and their derivatives with respect to the parameter; of order 0 only the first is looked at.
+        values : (4, n, inputs) or (1, n, inputs) array
+            The inputs and their derivatives with respect to the parameter; values alone are those of the parameter itself.
 
         Returns
         -------
@@ -301,7 +301,8 @@ class Tape:
         """
         n = values.shape[1]
         out = np.empty((order + 1, n, self.rows.size))
+        given = values.shape[0], np.ascontiguousarray(values)
         work = np.empty(self.slots * _ORDERS * _BLOCK)
         steps = self.steps.shape[0], self.steps, self.inputs, self.constants.size, self.constants
-        core.tape_run(*steps, self.rows.size, self.rows, n, order, np.ascontiguousarray(values), out, work)
+        core.tape_run(*steps, self.rows.size, self.rows, n, order, *given, out, work)
         return out
