@@ -79,5 +79,5 @@ def table(heads: Sequence[str], rows: Sequence[Sequence[str | Cell]], left: Sequ
             for head, size, cell in zip(heads, widths, row, strict=True)
         ]
         placed[-1] = placed[-1].rstrip()
-        lines.append(_GAP.join(styled(text, cell.style) for text, cell in zip(placed, row, strict=True)))
+        lines.append(_GAP.join(styled(text, cell.style) for text, cell in zip(placed, row, strict=True)).rstrip())
     return lines

@@ -11,7 +11,6 @@ import base64
 import html
 import json
 from collections.abc import Callable
-from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -194,7 +193,7 @@ def _finite(value: float) -> float | None:
 
 def _page(facts: dict[str, Any]) -> str:
     """Put title and numbers into the template; no name can end the element it stands in."""
-    template = resources.files("feedplan").joinpath("page.html").read_text(encoding="utf-8")
+    template = Path(__file__).with_name("page.html").read_text(encoding="utf-8")
     numbers = json.dumps(facts, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
     before, between, after = _split(template, "{{title}}", "{{facts}}")
     return "".join((before, html.escape(facts["curve"]["name"]), between, numbers, after))

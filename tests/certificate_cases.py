@@ -8,7 +8,7 @@ from planner import load_curve, load_limits
 from planner.geometry.nurbs import NurbsCurve
 from planner.machine.limits import Limits
 from planner.verify.certificate import _SectionOnCurve
-from planner.verify.certificate.places import Places
+from planner.verify.places import Places
 
 L, V, A, J = 100.0, 120.0, 1000.0, 2e4
 INF = [np.inf, np.inf]

@@ -15,6 +15,7 @@ PACKAGES = ("planner", "interp", "feedplan")
 # Every module stands in one of these rooms, and imports from the rooms before its own, or from its own.
 ORDER = (
     "planner.version",
+    "planner.data",
     "planner.errors",
     "planner.core_source",
     "planner.compiled",

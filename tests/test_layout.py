@@ -22,6 +22,7 @@ ELSEWHERE = {
     "feedplan/test_job.py": ("feedplan.sources",),
     "feedplan/test_page.py": ("feedplan.cli.report",),
     "feedplan/test_verdict.py": ("feedplan.verdict_text",),
+    "geometry/test_catalog.py": ("planner.data",),
     "geometry/test_curve.py": ("planner.geometry.continuity", "planner.geometry.fit"),
     "geometry/test_drawing.py": ("planner.geometry.points",),
     "interp/literature/test_greedy.py": ("interp.literature.greedy_published", "interp.literature.greedy_setup"),
@@ -59,7 +60,7 @@ ELSEWHERE = {
         f"planner.programs.reading.{name}" for name in ("arcs", "blocks", "modal", "program", "words")
     ),
     "verify/certificate/test_certificate.py": (
-        "planner.verify.certificate.places",
+        "planner.verify.places",
         "planner.verify.certificate.shapes",
     ),
     "test_profile.py": ("planner.samples",),
@@ -78,6 +79,8 @@ TOPICS = {
     "feedplan/cli/test_start.py": "what a command loads",
     "feedplan/test_tables.py": "results as tables and in two lines",
     "interp/literature/test_loops.py": "compiled loops of the literature against plain Python",
+    "test_core_builds.py": "the compiled core under sanitizers, valgrind, and for other processors",
+    "test_installed.py": "built and installed elsewhere",
     "test_wheel.py": "what is installed",
     "feedplan/test_arguments.py": "swapped arguments and wrong types, at every door",
     "machine/test_feed_caps.py": "limits of a curve whose blocks have feeds of their own",

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import json
 import textwrap
-from importlib import resources
 from typing import Any
 
 import click
+
+from planner.data import data_text
 
 _WIDTH = 80  # columns of a terminal
 _HEADS = ("name", "axes", "length mm", "u from", "to", "breaks by order")
@@ -31,17 +32,13 @@ def curves(*, as_json: bool) -> None:
 
 def curve_facts() -> dict[str, dict[str, Any]]:
     """Axes, length, domain, breaks by order and source of every named curve."""
-    facts = json.loads(_data("curve_facts.json"))
+    facts = json.loads(data_text("curve_facts.json"))
     return {name: {**row, "source": _source(name)} for name, row in facts.items()}
-
-
-def _data(name: str) -> str:
-    return resources.files("planner").joinpath("data", name).read_text(encoding="utf-8")
 
 
 def _source(name: str) -> str:
     """Where the definition of a named curve was published."""
-    source = json.loads(_data(f"curves/{name}.json"))["source"]
+    source = json.loads(data_text(f"curves/{name}.json"))["source"]
     if "control_points_from" in source:
         return str(source["control_points_from"])
     return f"{source['authors']}: {source['title']} ({source['year']})"

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-from importlib import resources
 from pathlib import Path
 
 import click
 from click.shell_completion import CompletionItem
 
+from planner.data import FOLDER, data_text
 from planner.files.formats import ANY_COLUMN_FORMAT
 
 FILE = click.Path(path_type=Path)
@@ -17,14 +17,12 @@ FILE = click.Path(path_type=Path)
 
 def curve_names(incomplete: str) -> list[str]:
     """Names of curves that begin so."""
-    text = resources.files("planner").joinpath("data", "curve_facts.json").read_text(encoding="utf-8")
-    return [name for name in json.loads(text) if name.startswith(incomplete)]
+    return [name for name in json.loads(data_text("curve_facts.json")) if name.startswith(incomplete)]
 
 
 def machine_names(incomplete: str) -> list[str]:
     """Names of example machines that begin so."""
-    found = (Path(entry.name).stem for entry in resources.files("planner").joinpath("data", "machines").iterdir())
-    return sorted(name for name in found if name.startswith(incomplete))
+    return sorted(file.stem for file in (FOLDER / "machines").iterdir() if file.stem.startswith(incomplete))
 
 
 def _or_files(names: list[str], incomplete: str) -> list[CompletionItem]:

@@ -16,12 +16,15 @@ from __future__ import annotations
 import shutil
 import sys
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from types import TracebackType
+from typing import TYPE_CHECKING
 
 import click
 
 from planner.errors import FeedrateError, InputError
+
+if TYPE_CHECKING:
+    from tempfile import TemporaryDirectory
 
 STANDARD = "-"
 _IN, _OUT = "standard input", "standard output"
@@ -96,6 +99,8 @@ class Streams:
 
     def _named(self, file: str, name: str) -> Path:
         if self._folder is None:
+            from tempfile import TemporaryDirectory
+
             self._folder = TemporaryDirectory(prefix="feedplan-")
         path = Path(self._folder.name) / file
         self._names[str(path)] = name

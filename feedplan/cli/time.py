@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from planner.verify import Report
 
 _ROWS = 12
+_DIGITS = 4  # behind the point of the seconds that are shown
 
 
 @click.command(
@@ -132,7 +133,8 @@ def _line_table(times: LineTimes, without: LineTimes, shown: int) -> list[str]:
     from feedplan.layout import table
     from planner.programs.times import KINDS
 
-    order = np.argsort(-(times.seconds + times.dwell), kind="stable")
+    # Lines of which the same time is shown stand in the order of the program.
+    order = np.argsort(-np.round(times.seconds + times.dwell, _DIGITS), kind="stable")
     groups = [order[k : k + 1] for k in range(min(shown, order.size))]
     if order.size > shown:
         groups.append(order[shown:])
@@ -145,8 +147,8 @@ def _line_table(times: LineTimes, without: LineTimes, shown: int) -> list[str]:
         ],
         "kind": [KINDS[times.kind[group[0]]] if group.size == 1 else "" for group in groups],
         "mm": [f"{times.length[group].sum():.3f}" for group in groups],
-        "seconds": [f"{math.fsum(times.seconds[group]):.4f}" for group in groups],
-        "no jerk\nlimit": [f"{math.fsum(without.seconds[group]):.4f}" for group in groups],
+        "seconds": [f"{math.fsum(times.seconds[group]):.{_DIGITS}f}" for group in groups],
+        "no jerk\nlimit": [f"{math.fsum(without.seconds[group]):.{_DIGITS}f}" for group in groups],
     }
     single = [int(group[0]) if group.size == 1 and times.seconds[group[0]] > 0.0 else -1 for group in groups]
     columns["held back by"] = ["" if k < 0 else _limit_name(times, k) for k in single]

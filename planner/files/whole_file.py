@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -60,7 +59,7 @@ def _target(path: str | Path) -> Path:
 
 
 def _temporary(target: Path) -> Path:
-    return target.with_name(f".feedplan-{secrets.token_hex(6)}.part")
+    return target.with_name(f".feedplan-{os.urandom(6).hex()}.part")
 
 
 def _refusal(path: str | Path, error: OSError) -> InputError:

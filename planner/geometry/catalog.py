@@ -6,12 +6,12 @@ import json
 import os
 import tomllib
 from collections.abc import Mapping, Sequence
-from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from planner.data import data_text
 from planner.errors import CurveError, InputError
 from planner.geometry.curve import Curve
 from planner.geometry.tolerance import POINTS_TOLERANCE_MM
@@ -63,7 +63,7 @@ def read_curve(source: str | Path, *, scale: float = 1.0) -> Curve:
     if np.isinf(scale):
         raise InputError("scale = inf must be finite")
     if isinstance(source, str) and source in CATALOG:
-        text = resources.files("planner").joinpath(f"data/curves/{source}.json").read_text(encoding="utf-8")
+        text = data_text(f"curves/{source}.json")
         return _from_table(json.loads(text)["curve"], source, scale)
     kind = Path(source).suffix.lower() if isinstance(source, str | os.PathLike) else ""
     if kind in {".dxf", ".csv"}:

@@ -6,10 +6,10 @@ import math
 import sys
 import tomllib
 from collections.abc import Mapping
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
+from planner.data import data_text
 from planner.errors import InputError
 from planner.geometry.curve import AXES, ROTARY_AXES
 from planner.inputs import read_text, shorten
@@ -48,7 +48,7 @@ def load_limits(path: str | Path) -> Limits:
             f"machine '' must be a file, .toml or .ini, or an example machine: {', '.join(EXAMPLE_MACHINES)}"
         )
     if isinstance(path, str) and path in EXAMPLE_MACHINES:
-        text = resources.files("planner").joinpath(f"data/machines/{path}.toml").read_text(encoding="utf-8")
+        text = data_text(f"machines/{path}.toml")
         return _limits_from_toml(text, path)
     try:
         text = read_text(path, InputError)

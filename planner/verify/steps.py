@@ -8,10 +8,10 @@ from planner.geometry.curve import Curve
 from planner.machine.limits import Limits
 from planner.quantity import TANGENTIAL_ACCELERATION
 from planner.types import FloatArray
-from planner.verify.certificate.places import Places
 from planner.verify.findings import Rows
 from planner.verify.motion import Motion
 from planner.verify.peaks import CANDIDATES, chunks, peaks, zoom
+from planner.verify.places import Places
 from planner.verify.quantities import axis_rows, row_of
 from planner.verify.scan import Scan
 from planner.verify.sizes import STEP_PEAK, STEP_REACH, VELOCITY_STEP, group_sizes

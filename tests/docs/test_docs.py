@@ -106,6 +106,7 @@ def test_named_files_exist(page):
     for name in re.findall(r"(?<![\w/.])((?:planner|interp|feedplan|benchmarks|tests|findings)/[\w./]*)", quoted):
         assert (PROJECT / name).exists(), f"{page.name} names {name}"
     modules = {file.name for package in ("planner", "interp", "feedplan") for file in (PROJECT / package).rglob("*.py")}
+    modules |= {file.name for file in PROJECT.glob("*.py")}
     for name in re.findall(r"(?<![\w/.])(\w+\.py)\b", quoted):
         assert name in modules, f"{page.name} names {name}"
     for name in re.findall(r"python -m (benchmarks[\w.]*)", quoted):

@@ -70,7 +70,7 @@ class TestTable:
     def test_columns_stand_under_their_heads(self):
         lines = [click.unstyle(line) for line in table(self.HEADS, self.ROWS, left=("limit",))]
         assert lines == [
-            "          long  ",
+            "          long",
             "limit     head     t",
             "jerk X     1.5  12 s",
             "feed    100.25   3 s",

@@ -43,9 +43,9 @@ from planner.types import FloatArray, IntArray
 from planner.verify.certificate.atoms import SideTerms, end_term, passed, seam, sides, spared_around, stepped
 from planner.verify.certificate.multipliers import Multipliers, require_increasing
 from planner.verify.certificate.pathspeeds import Flags, path_points
-from planner.verify.certificate.places import Places
 from planner.verify.certificate.quadrature import SectionPath, Stretches, stretches_of
 from planner.verify.certificate.shapes import require_valid
+from planner.verify.places import Places
 from planner.verify.sizes import EPS, ON_KNOT
 
 _CLAIM_ROUNDING = 1e-9  # of the bound: what another order of summation may change

@@ -9,8 +9,7 @@ import numpy as np
 from planner.certificate import CertificateSection
 from planner.errors import InputError
 from planner.geometry.curve import Curve
-from planner.types import FloatArray
-from planner.verify.certificate.pathspeeds import Flags
+from planner.types import BoolArray, FloatArray
 from planner.verify.sizes import ON_KNOT
 
 
@@ -41,7 +40,7 @@ class Places:
         jumps = np.array([b.u for b in curve.breaks if b.is_curvature_jump])
         return cls(curve._candidate_breaks(), corners, jumps, ON_KNOT * (curve.domain[1] - curve.domain[0]))
 
-    def on(self, some: FloatArray, u: FloatArray) -> Flags:
+    def on(self, some: FloatArray, u: FloatArray) -> BoolArray:
         """Which parameters u lie on one of some places (increasing)."""
         if some.size == 0:
             return np.zeros(u.shape, dtype=bool)
