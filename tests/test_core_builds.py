@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 ROOT = Path(__file__).parents[1]
-PACKAGES = ("feedplan", "planner", "interp", "tests")
+PACKAGES = ("feedplan", "planner", "interp", "benchmarks", "docs", "tests")
 ZIG = "ziglang>=0.13"
 SANITIZERS = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-fno-omit-frame-pointer", "-g", "-O1")
 # The folders and files of tests whose modules call the core.
