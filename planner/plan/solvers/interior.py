@@ -10,7 +10,7 @@ We minimise
 
     sum_p w_p x_p^(-1/2)     subject to   |r . (x, a, c)| <= 1   or   |r . (x, a, c)| <= x^(-1/2)
 
-or with bounds of two sizes, -b and B in place of -1 and 1 (``sides``).  Only the jerk rows are not convex: their bound
+or with bounds of two sizes, -b and B in place of -1 and 1.  Only the jerk rows are not convex: their bound
 x^(-1/2) is.  That has a lucky consequence.  The linear prediction of a jerk row's slack after a step is never above the
 true slack, so a step that is feasible to first order is feasible: once inside, every iterate is a valid plan, and the
 method may stop at any time.
@@ -134,7 +134,6 @@ class Iterate:
         self.problem = problem
         accelerations, jerks = problem.acceleration, problem.jerk
         sides = np.concatenate([accelerations.bounds, jerks.bounds])
-        self.problem = problem
         self.iterations = np.zeros(1, dtype=np.int64)
         warm = isinstance(start, Waypoint)
         self.z = start.z.copy() if isinstance(start, Waypoint) else np.array(start)
@@ -162,10 +161,13 @@ class Iterate:
         priced = 3 if problem.periodic else int(not np.isnan(problem.end))
         fixed = int(not np.isnan(problem.start)) + int(not np.isnan(problem.start_slope))
         self._ends = fixed, priced
-        self._work: FloatArray | None = np.empty(core.interior_work(problem.h.size, priced))
+        self._work: FloatArray | None = None
 
     def run(self, tolerance: float, most: int) -> Status | None:
         """Iterate ``most`` times or until the gap is within the tolerance; None where neither that nor a failure ends it."""
+        if self._work is None:
+            self._work = np.empty(core.interior_work(self.problem.h.size, self._ends[1]))
+            self._totals[3] = 0.0
         ended = core.interior_run(
             *self._given,
             *self._ends,
@@ -185,7 +187,7 @@ class Iterate:
         return Waypoint(self.z.copy(), self.pairs[:, :, 1].astype(np.float32))
 
     def release(self) -> None:
-        """Give back the memory of the Newton system."""
+        """Give back the memory of the Newton system; the next run builds it again."""
         self._work = None
 
     @property

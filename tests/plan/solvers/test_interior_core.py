@@ -142,6 +142,18 @@ def test_solving_again_gives_the_same_bytes(inner):
     assert first.c.tobytes() == second.c.tobytes()
 
 
+def test_memory_given_back_is_built_again():
+    problem = random_problem(4, 3)
+    kept, given_back = begun(problem), begun(problem)
+    for iterate in (kept, given_back):
+        iterate.run(0.0, 3)
+    given_back.release()
+    for iterate in (kept, given_back):
+        assert iterate.run(1e-7, 60) is Status.OPTIMAL
+    assert given_back.z == pytest.approx(kept.z, rel=1e-9)
+    assert given_back.iterations == kept.iterations
+
+
 def test_a_step_that_is_not_finite_is_not_taken():
     iterate = begun(random_problem(1, 1))
     iterate.pairs[:, 0, 0, 3] = 0.0
