@@ -34,19 +34,24 @@ from planner.plan.dual.method import best_multipliers
 from planner.plan.dual.problem import Pace, best_splines, problem_of
 from planner.plan.dual.terms import Track
 from planner.plan.ends import REST, Feed
-from planner.plan.guess import guess_feed
+from planner.plan.guess import breaks_inside, guess_feed
 from planner.plan.knots import place_knots, with_blends
+from planner.plan.refine import Effort, first_stage
 from planner.plan.rest_map import BLEND_LENGTH
 from planner.plan.rows import Constraints, build
 from planner.plan.section import Section, cut
 from planner.plan.solvers import interior as optimal
 from planner.plan.solvers.interior import Iterate
 from planner.plan.stage import Attempt, Stage, Task
+from planner.plan.time_knots import TimeGrid
+from planner.plan.time_map import TimeMap
 from planner.plan.utilisation import Utilisation, utilisation
 from planner.types import FloatArray
 
 INTERVALS = 1000
-COARSER = 8  # the coarse grid has an eighth of the intervals
+COARSER = 1  # the coarse grids have as many intervals, solved to wider gaps
+_PER_GUESSED = 8
+_MANY = 10**9
 _COARSE_GAP = 1e-2
 _FINE_GAP = 1e-7  # where durations are compared with one another
 _WITHIN = 1.0 + 1e-9
@@ -85,19 +90,25 @@ def prepared(name: str, curve: Curve, limits: Limits, intervals: int = INTERVALS
 
 
 def stage(of: Case, intervals: int = INTERVALS) -> Stage:
-    """The constraints on the usual grid."""
-    return Stage.on(of.task, place_knots(of.section, of.task.guess, intervals))
+    """The constraints on the usual grid, in the time of a coarser plan."""
+    return first_stage(of.task, Effort(intervals, free=False), _MANY, follow=False)[0]
 
 
 def coarse_attempt(of: Case, intervals: int = INTERVALS) -> Attempt:
-    """Solve on the coarse grid, as the planner does first."""
-    return replace(stage(of, intervals // COARSER).solve(of.task, None, _COARSE_GAP), waypoint=None)
+    """The plan in the time of which the usual grid is."""
+    return first_stage(of.task, Effort(intervals, free=False), _MANY, follow=False)[1]
+
+
+def guessed(of: Case, intervals: int = INTERVALS) -> Stage:
+    """The constraints in the time of the guess, as the planner has them first."""
+    breaks = breaks_inside(of.section)
+    on = TimeMap.from_guess(of.section, of.limits, of.task.guess, breaks, intervals // _PER_GUESSED)
+    return Stage.on(of.task, TimeGrid.even(on, _PER_GUESSED))
 
 
 def constraints(of: Case, intervals: int = INTERVALS) -> Constraints:
     """What the solver sees."""
-    grid = place_knots(of.section, of.task.guess, intervals)
-    return build(of.section, of.limits, grid, of.task.guess)[0]
+    return guessed(of, intervals).problem
 
 
 # --- the start from rest --------------------------------------------------------------------------------------------
@@ -181,17 +192,18 @@ def blend_row(name: str, width: float, intervals: int = INTERVALS) -> BlendRow:
 
 def measured(of: Case, at: Stage, attempt: Attempt) -> tuple[TimeLaw, Utilisation]:
     """The time law of a solution, and what it uses between its nodes."""
-    nodes = attempt.speed_law.time_law(at.path)
+    nodes = at.time_law(attempt)
     return nodes, utilisation(of.curve, of.limits, nodes)
 
 
 def knots_only(at: Stage) -> Stage:
-    """The same stage without constraints at the midpoints."""
+    """The same stage without constraints between the knots."""
     problem = at.problem
     cap, rows_a, rows_j = problem.cap.copy(), problem.acceleration.times(1.0), problem.jerk.times(1.0)
-    cap[1::2] = 1e300
-    rows_a.r[:, :, 1::2] = 0.0
-    rows_j.r[:, :, 1::2] = 0.0
+    between = np.arange(cap.size) % (problem.inner + 1) > 0
+    cap[between] = 1e300
+    rows_a.r[:, :, between] = 0.0
+    rows_j.r[:, :, between] = 0.0
     return replace(at, problem=replace(problem, cap=cap, acceleration=rows_a, jerk=rows_j))
 
 
@@ -296,12 +308,8 @@ def trace(problem: Constraints, *, centring: float = 0.2, most: int = 150) -> Tr
 def staged_traces(of: Case, intervals: int = INTERVALS) -> tuple[Trace, Trace]:
     """Iterates on the coarse grid, and those on the fine one that begins with what the coarse one gave."""
     with patch.object(optimal, "GAP_TOLERANCE", _COARSE_GAP):
-        first = trace(constraints(of, intervals // COARSER))
-    law = coarse_attempt(of, intervals).speed_law
-    grid = place_knots(of.section, of.task.guess, intervals)
-    problem = constraints(of, intervals)
-    guess = np.maximum(law.at(grid.sigma), 1e-6 * law.x.min()) / (problem.length_unit / problem.time_unit) ** 2
-    return first, trace(replace(problem, guess=guess), centring=0.1)
+        first = trace(constraints(of, intervals))
+    return first, trace(stage(of, intervals).problem, centring=0.1)
 
 
 @dataclass(frozen=True)
@@ -445,7 +453,7 @@ def saving_rows(of: Case, intervals: int = INTERVALS, change: float = 0.01) -> l
             continue
         times = []
         for share in (1.0 - change, 1.0 + change):
-            problem, _ = build(of.section, _changed(of.limits, name, share), at.grid, of.task.guess)
+            problem, _ = build(_changed(of.limits, name, share), at.grid)
             start = optimal.start_from(problem, problem.guess)
             times.append(optimal.solve_interior(problem, start, tolerance=_FINE_GAP).time * problem.time_unit)
         rows.append(SavingRow(of.name, name, saved, 0.005 / change * (times[0] - times[1])))

@@ -91,8 +91,11 @@ def rest_map_figure(intervals: int = 16) -> Figure:
 def knots_figure(of: Case, intervals: int = 250) -> Figure:
     """Knots on the path coloured by their spacing, and what the density is made of."""
     grid = method.stage(of, intervals).grid
-    points = of.curve.tip.derivatives(grid.u, 0)[0]
-    s = of.curve.arclength.s(grid.u)
+    single = np.append(np.diff(grid.sigma) > 0.0, True)
+    sigma, macro = grid.sigma[single], grid.macro[single]
+    u = grid.map.parameter(macro, grid.distances(sigma, macro))[0]
+    points = of.curve.tip.derivatives(u, 0)[0]
+    s = of.curve.arclength.s(u)
     with _page(2.6, 1, 2, width_ratios=(1.0, 1.1)) as (figure, ((path, density),)):
         fine = of.curve.tip.derivatives(np.linspace(*of.curve.domain, 3000), 0)[0]
         path.plot(fine[:, 0], fine[:, 1], color=FAINT, lw=0.4, zorder=1)
@@ -106,16 +109,8 @@ def knots_figure(of: Case, intervals: int = 250) -> Figure:
         path.set(xlabel="X, mm", ylabel="Y, mm")
         edges = np.linspace(0.0, s[-1], 241)
         middle = 0.5 * (edges[1:] + edges[:-1])
-        guess = of.task.guess
-        at = of.curve.arclength.s(guess.u)
-        shares = (
-            ("0.2 uniform in σ", 0.2, _SKY, s, grid.sigma / grid.sigma[-1]),
-            ("0.5 time", 0.5, _ORANGE, at, guess.time / guess.time[-1]),
-            ("0.3 turning angle", 0.3, _PINK, at, guess.turning / guess.turning[-1]),
-        )
-        parts = [intervals * w * np.diff(np.interp(edges, x, y)) / np.diff(edges) for _, w, _, x, y in shares]
-        names, colours = [name for name, *_ in shares], [colour for _, _, colour, *_ in shares]
-        density.stackplot(middle, parts, colors=colours, labels=names, lw=0)
+        even = 0.5 * intervals * np.diff(np.interp(edges, s, sigma / sigma[-1])) / np.diff(edges)
+        density.stackplot(middle, even, colors=[_ORANGE], labels=["half of them, even in time"], lw=0)
         count = np.diff(np.interp(edges, s, np.arange(s.size))) / np.diff(edges)
         density.plot(middle, count, color=INK, lw=0.7, label="knots placed")
         density.set(xlabel="arc length, mm", ylabel="knots per mm", xlim=(0.0, s[-1]), ylim=(0.0, 4.5))

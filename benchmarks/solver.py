@@ -36,17 +36,19 @@ from feedplan.job import Job
 from planner import Curve, FeedrateError, Limits, certify, load_curve
 from planner.files.whole_file import whole_file
 from planner.geometry.nurbs import NurbsCurve
-from planner.plan.guess import guess_feed
-from planner.plan.knots import place_knots, with_blends
+from planner.plan.guess import breaks_inside, guess_feed
 from planner.plan.rows import build
 from planner.plan.section import cut
 from planner.plan.solvers import interior as optimal
 from planner.plan.solvers import ipopt as nlp
+from planner.plan.time_knots import TimeGrid
+from planner.plan.time_map import TimeMap
 from planner.types import FloatArray
 
 INTERVALS = 1000
 # COPP solves well where the numbers are about 1.
 _COPP_LENGTH, _COPP_TIME = 2.5, 0.05  # mm, s
+_PER_MACRO = 8
 _COPP_TOLERANCE, _COPP_PASSES = 2e-5, 20
 _SIZES = (20_000, 100_000, 1_000_000)
 _SIZE_BARS = {20_000: 0.3, 100_000: 2.0, 1_000_000: 25.0}  # s of solving
@@ -58,8 +60,8 @@ def problem_of(curve: Curve, limits: Limits, intervals: int) -> Any:
     """The arrays that a solver sees, on the grid of the given size."""
     (section,) = cut(curve, limits, exact_stop=False)
     guess = guess_feed(section, limits, intervals)
-    section = with_blends(section, guess)
-    return build(section, limits, place_knots(section, guess, intervals), guess)[0]
+    on = TimeMap.from_guess(section, limits, guess, breaks_inside(section), intervals // _PER_MACRO)
+    return build(limits, TimeGrid.even(on, _PER_MACRO))[0]
 
 
 def copp_robot(curve: Curve, limits: Limits, intervals: int) -> tuple[Any, FloatArray] | None:

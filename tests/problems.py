@@ -14,19 +14,39 @@ from planner.geometry.nurbs import NurbsCurve
 from planner.machine.limits import Limits
 from planner.plan import plan_feedrate
 from planner.plan.ends import FREE, end_with
-from planner.plan.guess import FeedGuess, guess_feed
+from planner.plan.guess import FeedGuess, breaks_inside, guess_feed
 from planner.plan.knots import Grid, place_knots, with_blends
 from planner.plan.rows import Constraints, build
 from planner.plan.section import Section, cut
+from planner.plan.time_knots import TimeGrid
+from planner.plan.time_map import TimeMap
 
 SEEDS = st.integers(0, 2000)  # of random_case
 NO_SHRINKING = (Phase.explicit, Phase.generate)  # a smaller seed is not a simpler path
 
 
 def laid_out(
+    curve: Curve,
+    limits: Limits,
+    intervals: int = 1000,
+    *,
+    start: float = 0.0,
+    end: float = 0.0,
+    periodic: bool = False,
+    parts: int = 4,
+) -> tuple[Section, FeedGuess, TimeGrid]:
+    """Section, guess of the feed and grid in its time, of a path without corners, from feed start to feed end."""
+    ends = (FREE, FREE) if periodic else (end_with(start), end_with(end))
+    (section,) = cut(curve, limits, *ends, exact_stop=False)
+    guess = guess_feed(section, limits, intervals)
+    on = TimeMap.from_guess(section, limits, guess, breaks_inside(section), intervals // parts)
+    return section, guess, TimeGrid.even(on, parts)
+
+
+def knotted(
     curve: Curve, limits: Limits, intervals: int = 1000, *, start: float = 0.0, end: float = 0.0, periodic: bool = False
 ) -> tuple[Section, FeedGuess, Grid]:
-    """Section with its blends, guess of the feed and grid of a path without corners, from feed start to feed end."""
+    """Section with its rest blends, guess of the feed and grid over the rest map, as bounds have them."""
     ends = (FREE, FREE) if periodic else (end_with(start), end_with(end))
     (section,) = cut(curve, limits, *ends, exact_stop=False)
     guess = guess_feed(section, limits, intervals)
@@ -35,11 +55,18 @@ def laid_out(
 
 
 def problem_of(
-    curve: Curve, limits: Limits, intervals: int = 100, *, start: float = 0.0, end: float = 0.0, periodic: bool = False
+    curve: Curve,
+    limits: Limits,
+    intervals: int = 100,
+    *,
+    start: float = 0.0,
+    end: float = 0.0,
+    periodic: bool = False,
+    inner: int = 1,
 ) -> Constraints:
     """The arrays that a solver sees."""
-    section, guess, grid = laid_out(curve, limits, intervals, start=start, end=end, periodic=periodic)
-    return build(section, limits, grid, guess, periodic=periodic)[0]
+    _, _, grid = laid_out(curve, limits, intervals, start=start, end=end, periodic=periodic, parts=12)
+    return build(limits, grid, periodic=periodic, inner=inner)[0]
 
 
 def random_case(seed: int) -> tuple[NurbsCurve, Limits]:

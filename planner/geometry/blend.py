@@ -40,6 +40,7 @@ _NODES = 64
 _SAME_COSINE = 13  # decimals; closer angles share a table
 _TERMS = 12  # of a panel of the inverse
 _MAX_PANELS = 4096
+_FOLLOWED = 0.1  # of the distance from the real axis to the branch points, in which quintics follow the arc length
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,3 +215,19 @@ class Blends:
     def shape(self) -> IntArray:
         """Which of the shapes in ``inverse`` each blend has, (n,)."""
         return self._table
+
+    def arc_length(self, row: NDArray[np.intp], tau: FloatArray) -> FloatArray:
+        """Arc length from the start of the blends ``row`` (n,) to tau (n,), mm."""
+        table = self._table[row]
+        b = self._half_angle[table]
+        x = np.arcsinh(tau / b) / np.arcsinh(1.0 / b)
+        share = np.empty(row.size)
+        order = np.argsort(table, kind="stable")
+        starts = np.flatnonzero(np.diff(table[order], prepend=-1))
+        for some in np.split(order, starts[1:]) if order.size else []:
+            share[some] = chebyshev.chebval(x[some], self._lengths[table[some[0]]])
+        return np.where(tau <= -1.0, 0.0, np.where(tau >= 1.0, self.length[row], self.size[row] * share))
+
+    def spacing(self, row: NDArray[np.intp]) -> FloatArray:
+        """Steps of tau (n,) in which a polynomial of degree 5 follows the arc length: a share of b, where that is less."""
+        return _FOLLOWED * np.minimum(1.0, self._half_angle[self._table[row]])

@@ -27,7 +27,7 @@ from planner.types import BoolArray, FloatArray
 _FIT_TOLERANCE = 1e-13  # of the unit tangent
 _MAX_HALVINGS = 24
 _PROBES = 24
-INTERVALS_OF_KIND = np.array([4, 200, 4])  # of a plan that resolve a leg, a blend and a span
+INTERVALS_OF_KIND = np.array([4, 110, 4])  # of a plan that resolve a leg, a blend and a span
 
 
 class Kind(IntEnum):
@@ -120,6 +120,30 @@ class ChainCurve(Curve):
         arrays += [blends.vertex, blends.before.vectors, blends.before.rates, blends.after.vectors, blends.after.rates]
         arrays += [blends.size, blends.length, blends.shape, first, edges, series]
         return tuple(np.ascontiguousarray(item) if isinstance(item, np.ndarray) else item for item in arrays)
+
+    def native_pieces(self, u: FloatArray) -> NDArray[np.intp]:
+        """Blends have their tau: over it their axes are cubics; over arc length the third derivative has a spike."""
+        piece = np.clip(np.searchsorted(self.edges, u, side="right") - 1, 0, self.kind.size - 1)
+        return np.where(self.kind[piece] == Kind.BLEND, piece, -1)
+
+    def native_parameter(self, piece: NDArray[np.intp], u: FloatArray) -> FloatArray:
+        """The tau of blends at u."""
+        return self._blends.tau(self.row[piece], u - self.edges[piece])
+
+    def on_native(self, piece: NDArray[np.intp], v: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """u, and position with three derivatives over tau, of blends."""
+        row = self.row[piece]
+        return self.edges[piece] + self._blends.arc_length(row, v), self._blends.at(row, v)
+
+    def native_spacing(self, piece: NDArray[np.intp]) -> FloatArray:
+        """A share of the distance from tau to the branch points of the arc length."""
+        return self._blends.spacing(self.row[piece])
+
+    @property
+    def _blends(self) -> Blends:
+        if self.blends is None:
+            raise CurveError(f"{self.name}: it has no blends")
+        return self.blends
 
     def _candidate_breaks(self) -> FloatArray:
         return np.union1d(self.edges[1:-1], self.marks)

@@ -239,6 +239,22 @@ class Curve(ABC):
         """Interior parameters at which a derivative may jump."""
         return np.empty(0)
 
+    def native_pieces(self, u: FloatArray) -> NDArray[np.intp]:
+        """Pieces that have a parameter of their own, by places (n,) inside them; -1 where that is u."""
+        return np.full(u.size, -1, dtype=np.intp)
+
+    def native_parameter(self, piece: NDArray[np.intp], u: FloatArray) -> FloatArray:
+        """The own parameter of such pieces (n,) at u (n,)."""
+        raise NotImplementedError
+
+    def on_native(self, piece: NDArray[np.intp], v: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """U (n,) at the own parameters v (n,) of such pieces (n,), and position and three derivatives over v (4, n, dim)."""
+        raise NotImplementedError
+
+    def native_spacing(self, piece: NDArray[np.intp]) -> FloatArray:
+        """Steps (n,) of the own parameter that quintics u over time follow."""
+        raise NotImplementedError
+
     def intervals_needed(self, start: float, end: float) -> int:
         """How many intervals of a plan resolve the features between two parameters, as far as the curve knows of any."""
         return 0

@@ -38,6 +38,8 @@ STEP_SHARE = (1.0 - JERK_BESIDE_STEP) / STEP_SEEN
 PERIODS_AROUND_STEP = 2.0 * STEP_REACH
 # Factor on the jerk rows beside a jump: the plan's share, less what the jerk may exceed it by between collocation points.
 JERK_COLLOCATED = 0.49
+# How much wider the window is in the time of the law before the plan, and how much faster than that a plan goes at most.
+_ROOM_AROUND_STEP, _MAX_FASTER = 1.1, 2.0
 # Phases, in periods, at which the steps of jumps close to one another are added up.
 _PHASES = np.linspace(-1.0, 1.0, 17)
 # Largest slowing down searched for, as the log of x; steps of the search; jumps at once, which bounds the memory.
@@ -71,7 +73,7 @@ def beside_jumps(curve: Curve, limits: Limits, law: TimeLaw) -> NDArray[np.bool_
 
 
 def soften(
-    limits: Limits, sigma: FloatArray, first: NDArray[np.intp], step: FloatArray, slope: FloatArray, cap: FloatArray
+    limits: Limits, sigma: FloatArray, first: NDArray[np.intp], step: FloatArray, cap: FloatArray
 ) -> NDArray[np.bool_]:
     """Lower the cap at the curvature jumps of a section, in place; returns the points beside them, (p,).
 
@@ -81,8 +83,8 @@ def soften(
     sigma : (n,) array
         Knots; knot ``first[i]`` and the next are the two sides of jump i.
     first : (m,) int array
-    step, slope : (m, dim + 1), (m, dim) arrays
-        Jump of the second derivative over sigma, of the axes and of the tip's arc length; size of the first, of the axes.
+    step : (m, dim + 1) array
+        Jump of the second derivative over sigma, of the axes and of the tip's arc length.
     cap : (p,) array
         Largest sigma_dot^2 at the knots and at the points between them (``collocation.py``).
     """
@@ -90,14 +92,12 @@ def soften(
     at = sigma[first]
     jerk = limits.of_motions(JERK.order)
     alone = passable(step, jerk, limits.period)
-    with np.errstate(divide="ignore"):
-        gain = np.min(limits.acceleration / slope, axis=1)
     passed = _together(at, step / jerk, np.minimum(alone, cap[stride * first]), limits.period)
     for k in range(stride + 1):
         cap[stride * first + k] = np.minimum(cap[stride * first + k], passed)
-    # Within the window the plan cannot go further than at the jump's feed plus a window of acceleration.
+    # sigma is the time of a law that was much like the plan: at the jump it runs as fast as it may, beside it little faster.
     window = PERIODS_AROUND_STEP * limits.period
-    reach = window * np.minimum(np.sqrt(passed) + gain * window, np.sqrt(cap.max()))
+    reach = _ROOM_AROUND_STEP * window * np.clip(np.sqrt(passed), 1.0, _MAX_FASTER)
     # Whole intervals: within the one that the window ends in, the jerk climbs from one half to all of it.
     lo = np.maximum(np.searchsorted(sigma, at - reach, side="right") - 1, 0)
     hi = np.minimum(np.searchsorted(sigma, at + reach, side="left"), sigma.size - 1)

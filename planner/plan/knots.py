@@ -129,7 +129,7 @@ def place_knots(section: Section, guess: FeedGuess, intervals: int, *, follow: b
         cell = np.clip(np.searchsorted(sigma, dips) - shift, 0, spacing.size - 1)
         np.minimum.at(spacing, cell, _DIP_SHARE * guess.dips.width)
     with np.errstate(over="ignore"):
-        stretched = np.minimum(spacing, step * _stretched(guess, y)) if follow else spacing
+        stretched = np.minimum(spacing, step * followed(guess, y)) if follow else spacing
     most = intervals + _DIP_KNOTS * dips.size
     count = _counted(sigma, step, spacing, mid, span)
     wanted = count[-1]
@@ -140,7 +140,7 @@ def place_knots(section: Section, guess: FeedGuess, intervals: int, *, follow: b
     return _knots(section, sigma, count)
 
 
-def _stretched(guess: FeedGuess, y: FloatArray) -> FloatArray:
+def followed(guess: FeedGuess, y: FloatArray) -> FloatArray:
     """Largest spacing of knots, in cells of the ``y (n,)``, at which their quintics follow |C'|, (n - 1,).
 
     With dL the change of log |C'| over the way ds of an interval, and l = ds / dL, a quintic in time is off by about

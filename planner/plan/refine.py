@@ -32,11 +32,11 @@ from planner.plan.chord_errors import MET_CHORD, chord_shares
 from planner.plan.dual.problem import Pace
 from planner.plan.ends import Rest, feed_at
 from planner.plan.guard import require_finite_law
-from planner.plan.guess import guess_feed, resolvable
-from planner.plan.knots import place_knots, with_blends
-from planner.plan.rows import Parameter
-from planner.plan.section import Section, axis_weights, weighted_arclength
+from planner.plan.guess import breaks_inside, guess_feed, resolvable
+from planner.plan.section import Section
 from planner.plan.stage import HOPELESS, TIGHTENING_ROUNDS, TOO_COARSE, WORTH_SAYING, Attempt, Stage, Task
+from planner.plan.time_knots import TimeGrid, place_in_time
+from planner.plan.time_map import TimeMap
 from planner.plan.utilisation import Utilisation, utilisation
 from planner.status import Status, Work
 from planner.types import Progress
@@ -44,16 +44,16 @@ from planner.types import Progress
 DEFAULT_INTERVALS = 1000
 MIN_INTERVALS = 24
 _MIN_INTERVALS = 200  # of one section among several
-_COARSER = 8
-_COARSE_GAP = 1e-2
+# Intervals to a macro of the guess, at least in all, and relative gaps of the coarse solves and of the first fine one.
+_PER_GUESSED, _MIN_COARSE = 8, 200
+_COARSE_GAP, _EVEN_GAP, _ROUGH_GAP = 1e-2, 1e-4, 1e-4
+# Where the number of intervals is free: so many for a change of the jerk by its limit, at most so many times the usual.
+_PER_CHANGE, _MAX_FOR_CHANGES = 15.0, 4
 # A plan that needs more slowing down than this at the end is refined first.
 _ACCEPTED_SLOWDOWN = 1.000002
-# Where no limit binds for more than this share of the time, the grid is too coarse.
-_UNBOUND = 0.03
 _MAX_ROUNDS, _CHORD_ROUNDS = 12, 16
 # Intervals times iterations of all rounds, at most: some seconds.
 _MAX_WORK, _WORK_PER_INTERVAL, _USUAL_ITERATIONS = 2_000_000, 1200, 60
-_IDLE_ROUNDS = 3
 # Slowing down is measured at points; the peaks between them are higher by less than this.
 PEAK_MARGIN = 5e-7
 _MET = 1.0 + 2e-8
@@ -138,7 +138,7 @@ def plan_section(
             "little more than rounding",
         )
         wanted = most
-    task = Task(with_blends(section, guess), limits, guess, method, periodic, deadline, progress)
+    task = Task(section, limits, guess, method, periodic, deadline, progress)
     effort = replace(effort, intervals=wanted)
     found = _best_of_tries(task, effort, most)
     _require_met(task, found.best)
@@ -156,14 +156,11 @@ def plan_section(
 
 
 def _best_of_tries(task: Task, effort: Effort, most: int) -> Outcome:
-    """Refine from the usual grid; where that ends badly, from one that follows |C'|, and in the arc length of the axes."""
+    """Refine from the usual grid; where that ends badly, from one that follows |C'|."""
     best, failed, spent = None, None, 0.0
-    for follow, by_arc_length in ((False, False), (True, False), (True, True)):
-        if by_arc_length and task.section.arc is not None:
-            break
+    for follow in (False, True):
         try:
-            this = _following(task, effort, by_arc_length) if follow else task
-            found = _refined(this, effort, most, follow=follow)
+            found = _refined(_following(task, effort) if follow else task, effort, most, follow=follow)
         except (CurveError, InfeasibleError, SolverError) as error:
             failed = failed or error
             continue
@@ -178,13 +175,9 @@ def _best_of_tries(task: Task, effort: Effort, most: int) -> Outcome:
     return replace(best, spent=spent)
 
 
-def _following(task: Task, effort: Effort, by_arc_length: bool) -> Task:
-    """The same task with samples that follow |C'|, and in the arc length of the axes where that is asked for."""
-    section = replace(task.section, blend_start=0.0, blend_end=0.0)
-    if by_arc_length:
-        section = replace(section, arc=weighted_arclength(section.curve, axis_weights(task.limits)))
-    guess = guess_feed(section, task.limits, effort.intervals, follow=True)
-    return replace(task, section=with_blends(section, guess), guess=guess)
+def _following(task: Task, effort: Effort) -> Task:
+    """The same task with samples that follow |C'|."""
+    return replace(task, guess=guess_feed(task.section, task.limits, effort.intervals, follow=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,19 +194,19 @@ class Outcome:
 
 
 def _refined(task: Task, effort: Effort, most: int, *, follow: bool) -> Outcome:
-    """Solve on a coarse grid, then on the wanted one, and refine; ``follow``: grids that follow |C'|."""
+    """Solve for the map and on it, and refine; ``follow``: grids that follow |C'|."""
     wanted = effort.intervals
-    attempt = _coarse(task, max(MIN_INTERVALS, wanted // _COARSER), follow) if task.method == "optimal" else None
-    stage = Stage.on(task, place_knots(task.section, task.guess, wanted, follow=follow))
-    spent = attempt.work.solve_cpu_s if attempt else 0.0
+    stage, attempt, spent = first_stage(task, effort, most, follow=follow)
     first, work, slowdown = 0.0, 0, np.inf
     most_work = max(_MAX_WORK, _WORK_PER_INTERVAL * wanted)
     notes: tuple[str, ...] = ()
     found: Outcome | None = None
     for number in range(_MAX_ROUNDS):
         try:
-            attempt = stage.solve(task, attempt)
-            this = Round.of(task, number, attempt, stage.path)
+            # What the first solve exceeds is measured before it is worth its last digits.
+            rough = _ROUGH_GAP if number == 0 and task.method == "optimal" else None
+            attempt = stage.solve(task, attempt, rough)
+            this = Round.of(task, number, stage, attempt)
         except (InfeasibleError, SolverError) as error:
             if found is None:
                 raise
@@ -223,13 +216,12 @@ def _refined(task: Task, effort: Effort, most: int, *, follow: bool) -> Outcome:
         first = first or spent
         if found is None or this.is_better_than(found.best, task):
             found = Outcome(task, this, stage, attempt, spent, first, ())
-        idle = effort.free and number < _IDLE_ROUNDS and attempt.idle > _UNBOUND
         work += stage.grid.intervals * attempt.work.iterations
-        if (this.is_accepted(task) and not idle) or work > most_work:
+        if (this.is_accepted(task) and rough is None) or work > most_work:
             break
         if time.perf_counter() > task.deadline:
             break
-        may_split = stage.grid.intervals < most and (idle or this.is_too_coarse(effort))
+        may_split = stage.grid.intervals < most and this.is_too_coarse(effort)
         stage, attempt = stage.next(task, attempt, this.used, may_split=may_split, number=number, before=slowdown)
         slowdown = this.slowdown
         if work + _USUAL_ITERATIONS * stage.grid.intervals > most_work:
@@ -254,13 +246,13 @@ def hold_chords(plan: SectionPlan) -> SectionPlan:
             shortest, kept = needed, (law, attempt, best)
         if shares.max() <= MET_CHORD or time.perf_counter() > task.deadline:
             break
-        stage, attempt = stage.slower(task, attempt, best.used, np.interp(stage.grid.u, law.u, law.t), times, shares)
+        stage, attempt = stage.slower(task, attempt, best.used, stage.knot_times(law), times, shares)
         if work + _USUAL_ITERATIONS * stage.grid.intervals > _MAX_WORK:
             break
         with suppress(SolverError, InfeasibleError):
             attempt = stage.solve(task, attempt)
             work += stage.grid.intervals * attempt.work.iterations
-            best = Round.of(task, best.number + 1, attempt, stage.path)
+            best = Round.of(task, best.number + 1, stage, attempt)
             law = best.law
             continue
         break
@@ -297,9 +289,9 @@ class Round:
     forward: bool
 
     @classmethod
-    def of(cls, task: Task, number: int, attempt: Attempt, path: Parameter) -> Round:
+    def of(cls, task: Task, number: int, stage: Stage, attempt: Attempt) -> Round:
         """Measure an attempt between its nodes; a SolverError where it is not finite."""
-        given = attempt.speed_law.time_law(path)
+        given = stage.time_law(attempt)
         require_finite_law(task.section.curve, given)
         kept = _apart_from_stops(task.section, given)
         law = given if kept.size == given.t.size else given.only(kept)
@@ -333,12 +325,40 @@ class Round:
         return not self.forward or self.slowdown > (limit if self.number < TIGHTENING_ROUNDS else WORTH_SAYING)
 
 
-def _coarse(task: Task, intervals: int, follow: bool) -> Attempt | None:
-    """Solve on a coarse grid; what is attainable may be out of its reach, and the fine one then begins without it."""
-    with suppress(InfeasibleError):
-        stage = Stage.on(task, place_knots(task.section, task.guess, intervals, follow=follow))
-        return replace(stage.solve(task, None, _COARSE_GAP), waypoint=None)
-    return None
+def first_stage(task: Task, effort: Effort, most: int, *, follow: bool) -> tuple[Stage, Attempt, float]:
+    """The grid to begin with, placed in the time of a coarser plan; that plan; and the computing time of it, s.
+
+    Two coarse solves come before: the first on a map of the guess, the second on an even grid in the time of the first.
+    """
+    section, wanted = task.section, effort.intervals
+
+    def placed(plan: Stage, found: Attempt, intervals: int, *, even: bool) -> TimeGrid:
+        law = plan.time_law(found)
+        changes = plan.jerk_changes(found, law)
+        if effort.free and not even:
+            intervals = int(np.clip(_PER_CHANGE * changes.change.sum(), intervals, _MAX_FOR_CHANGES * intervals))
+        return place_in_time(
+            section,
+            law,
+            changes,
+            min(intervals, most),
+            guess=task.guess,
+            even=even,
+            periodic=task.periodic,
+            period=task.limits.period,
+            follow=follow,
+        )
+
+    count = max(_MIN_COARSE, wanted) // _PER_GUESSED
+    on = TimeMap.from_guess(section, task.limits, task.guess, breaks_inside(section), count)
+    stage = Stage.on(task, TimeGrid.even(on, _PER_GUESSED))
+    attempt = stage.solve(task, None, _COARSE_GAP)
+    spent = attempt.work.solve_cpu_s
+    between = max(_MIN_COARSE, wanted, min(2 * wanted, section.curve.intervals_needed(section.u_start, section.u_end)))
+    stage = Stage.on(task, placed(stage, attempt, between, even=True))
+    attempt = stage.solve(task, replace(attempt, waypoint=None), _EVEN_GAP)
+    spent += attempt.work.solve_cpu_s
+    return Stage.on(task, placed(stage, attempt, wanted, even=False)), replace(attempt, waypoint=None), spent
 
 
 def _require_met(task: Task, best: Round) -> None:

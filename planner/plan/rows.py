@@ -25,20 +25,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.geometry.differential import acceleration_terms, chain_rule, jerk_terms, speed_derivatives
+from planner.geometry.curve import Curve
+from planner.geometry.differential import Triple, acceleration_terms, chain_rule, jerk_terms, speed_derivatives
 from planner.machine.feed_limits import chord_feed_limit, commanded_feed
 from planner.machine.limit_rows import LimitRow, limit_rows
 from planner.machine.limits import Limits
 from planner.plan.collocation import points_of, states_between, time_weights
-from planner.plan.ends import Feed
-from planner.plan.guess import FeedGuess
+from planner.plan.ends import Feed, Rest
 from planner.plan.jumps import JERK_COLLOCATED, soften
-from planner.plan.knots import Grid
 from planner.plan.section import Section, axis_weights, evaluate
+from planner.plan.time_knots import TimeGrid
 from planner.quantity import ACCELERATION, CHORD_ERROR, FEED, JERK, VELOCITY
-from planner.types import FloatArray
+from planner.types import FloatArray, IntArray
 
-_RAMP = 0.5  # periods: shorter than samples tell
+# In periods: shorter than samples tell; and how long after a stop, or before one, in the time of the law before.
+_RAMP, _RAMP_REACH = 0.5, 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,37 +133,49 @@ def used_share(values: FloatArray, bounds: FloatArray) -> FloatArray:
 
 
 @dataclass(frozen=True, eq=False)
-class Parameter:
-    """The curve parameter at points of sigma.
+class Path:
+    """The path at points of sigma: u, the axes and the tip's arc length, with their derivatives over sigma.
 
-    ``u (4, p)``: it and its derivatives with respect to sigma; ``rounding (p,)`` by which u is off (see
-    :meth:`Section.rounding`).
+    ``u (4, p)``: the curve parameter; ``axes (4, p, dim)``, ``tip (4, p)`` (row 0 unused), ``curvature (p,)`` of the tip,
+    ``feed (p,)`` commanded; ``left (p,)`` where the path is taken from the left.
     """
 
     u: FloatArray
-    rounding: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
-class Path(Parameter):
-    """The path at points of sigma: besides u, the axes and the tip's arc length with their derivatives over sigma.
-
-    ``axes (4, p, dim)``, ``tip (4, p)`` (row 0 unused), ``curvature (p,)`` of the tip, ``feed (p,)`` commanded.
-    """
-
     axes: FloatArray
     tip: FloatArray
     curvature: FloatArray
     feed: FloatArray
+    left: NDArray[np.bool_]
 
 
 def path_at(section: Section, limits: Limits, sigma: FloatArray, u: FloatArray, left: NDArray[np.bool_]) -> Path:
-    """Evaluate the path of a section at sigma, where the curve parameter is u; from the left where ``left`` is true."""
-    curve = section.curve
+    """Evaluate the path of a section over its rest map at sigma, where the parameter is u; from the left where asked."""
     rest = section.rest_map(sigma)
-    q = evaluate(curve, u, left)
-    u1, u2, u3 = section.parameter_derivatives(q, axis_weights(limits), rest)
-    tip = q if curve.tip is curve else evaluate(curve.tip, u, left)
+    q = evaluate(section.curve, u, left)
+    rates = section.parameter_derivatives(q, axis_weights(limits), rest)
+    return _path(section.curve, limits, np.stack([u, *rates]), q, rates, left)
+
+
+def path_on(limits: Limits, grid: TimeGrid, sigma: FloatArray, macro: IntArray) -> Path:
+    """Evaluate the path on a grid at points sigma of its macros."""
+    d = grid.distances(sigma, macro)
+    u, q, rates, left = grid.map.along(macro, d)
+    over_sigma, on = np.stack([u, *rates]), np.flatnonzero(grid.map.piece[macro] >= 0)
+    if on.size:
+        over_sigma[1:, on] = chain_rule(*speed_derivatives(q[:, on]), *(rate[on] for rate in rates))
+    return _path(grid.map.section.curve, limits, over_sigma, q, rates, left)
+
+
+def _path(
+    curve: Curve,
+    limits: Limits,
+    u: FloatArray,
+    q: FloatArray,
+    rates: Triple,
+    left: NDArray[np.bool_],
+) -> Path:
+    """The path at parameters ``u (4, p)``, with their derivatives over sigma; ``q`` over a parameter with such ``rates``."""
+    tip = q if curve.tip is curve else evaluate(curve.tip, u[0], left)
     speeds = speed_derivatives(tip)
     speed = speeds[0]
     # As ``curvature`` says, but with the slope that is at hand: its own quotient rounds otherwise, and plans of it differ in
@@ -170,30 +183,21 @@ def path_at(section: Section, limits: Limits, sigma: FloatArray, u: FloatArray, 
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         bend = np.sqrt(np.sum((tip[2] - (speeds[1] / speed)[:, None] * tip[1]) ** 2, axis=-1)) / speed**2
     curvature = np.where(speed > 0.0, np.nan_to_num(bend), 0.0)
-    feed = commanded_feed(curve, limits, u, left)
-    axes = np.stack([q[0], *chain_rule(q[1], q[2], q[3], u1[:, None], u2[:, None], u3[:, None])])
-    along = np.stack([np.zeros_like(speed), *chain_rule(*speeds, u1, u2, u3)])
-    return Path(np.stack([u, u1, u2, u3]), section.rounding(sigma, u), axes, along, curvature, feed)
+    feed = commanded_feed(curve, limits, u[0], left)
+    axes = np.stack([q[0], *chain_rule(q[1], q[2], q[3], *(rate[:, None] for rate in rates))])
+    along = np.stack([np.zeros_like(speed), *chain_rule(*speeds, *rates)])
+    return Path(u, axes, along, curvature, feed, left)
 
 
-def build(
-    section: Section, limits: Limits, grid: Grid, guess: FeedGuess, *, periodic: bool = False, inner: int = 1
-) -> tuple[Constraints, Path]:
+def build(limits: Limits, grid: TimeGrid, *, periodic: bool = False, inner: int = 3) -> tuple[Constraints, Path]:
     """Assemble the constraints of one section on a grid, and the path at its points, ``inner`` ones in every interval."""
-    h = np.diff(grid.sigma)
-    stride = inner + 1
-    sigma = points_of(grid.sigma, inner)
-    u = section.parameter(section.position(sigma))
-    u[::stride] = grid.u
+    section, h, stride = grid.map.section, np.diff(grid.sigma), inner + 1
+    sigma, macro = points_of(grid.sigma, inner), np.repeat(grid.macro, stride)[:-inner]
     doubled = stride * np.flatnonzero(h == 0.0)
     empty = (doubled[:, None] + np.arange(1, stride)).reshape(-1)
-    u[empty] = np.repeat(u[doubled], inner)
-    # Near a stop u rounds to the end of its stretch; it must not be read from beyond.
-    beyond = u >= np.repeat(grid.stretch_end, stride)[:-inner]
-    path = path_at(section, limits, sigma, u, beyond)
-    x_guess, duration = _guess(section, grid, guess)
-    scale = section.span / grid.intervals
-    tau = duration / grid.intervals
+    path = path_on(limits, grid, sigma, macro)
+    # sigma is the time of a law: with the mean interval for the unit of both, x is about 1
+    scale = grid.map.span / grid.intervals
     cap = speed_cap(limits, path)
     rows_a, rows_j = acceleration_rows(limits, path), jerk_rows(limits, path)
     rows_j = rows_j.with_more(_ramp_rows(section, limits, sigma, path)) if len(rows_j) else rows_j
@@ -201,31 +205,29 @@ def build(
         _soften_jumps(section, limits, grid, path, cap, rows_j, stride)
     rows_a.r[:, :, empty] = 0.0
     rows_j.r[:, :, empty] = 0.0
-    per_x = (scale / tau) ** 2
     start, end = (
-        (end.feed / path.tip[1, at]) ** 2 / per_x if isinstance(end, Feed) else np.nan
+        (end.feed / path.tip[1, at]) ** 2 if isinstance(end, Feed) else np.nan
         for end, at in ((section.start, 0), (section.end, -1))
     )
     # s'' = s_sigma_sigma x + s_sigma a
     slope = np.nan
     if isinstance(section.start, Feed) and section.start.acceleration is not None:
-        slope = (section.start.acceleration - path.tip[2, 0] * start * per_x) / path.tip[1, 0]
-    # x = per_x x*, a = per_x / scale a*, c = per_x / scale^2 c*; the time derivative of order k scales by tau^-k
-    units_a = np.array([per_x, per_x / scale])[None, :, None]
-    units_j = np.array([per_x, per_x / scale, per_x / scale**2])[None, :, None] * (scale / tau)
+        slope = (section.start.acceleration - path.tip[2, 0] * start) / path.tip[1, 0]
+    # a = a* / scale, c = c* / scale^2
+    units = scale ** -np.arange(3.0)[None, :, None]
     constraints = Constraints(
         h=h / scale,
-        cap=cap / per_x,
-        acceleration=rows_a.times(units_a),
-        jerk=rows_j.times(units_j),
+        cap=cap,
+        acceleration=rows_a.times(units[:, :2]),
+        jerk=rows_j.times(units),
         weight=time_weights(h, inner) / scale,
         start=start,
         end=end,
-        start_slope=slope / (per_x / scale),
-        guess=x_guess / per_x,
+        start_slope=slope * scale,
+        guess=np.ones(grid.sigma.size),
         periodic=periodic,
         length_unit=scale,
-        time_unit=tau,
+        time_unit=scale,
         inner=inner,
     )
     return constraints, path
@@ -267,43 +269,29 @@ def _with_motions(of: tuple[LimitRow, ...], path: Path) -> list[tuple[LimitRow, 
 
 
 def _ramp_rows(section: Section, limits: Limits, sigma: FloatArray, path: Path) -> GridRows:
-    """Jerk rows, in the rest blends only, of axes that have an acceleration limit but none of the jerk.
+    """Jerk rows, next to the stops only, of axes that have an acceleration limit but none of the jerk.
 
     Such an axis may leave a stop at full acceleration, but the law of a plan begins with none: without a ramp its quintic
     would overshoot, however short the interval.  The ramp takes _RAMP periods.
     """
-    blends = (sigma < section.blend_start) | (section.span - sigma < section.blend_end)
+    away = [np.abs(sigma - sigma[at]) for at, end in ((0, section.start), (-1, section.end)) if isinstance(end, Rest)]
+    near = np.min([np.full(sigma.size, np.inf), *away], axis=0) < _RAMP_REACH * limits.period
     of = tuple(
         row for row in limit_rows(limits) if row.quantity is ACCELERATION and not np.isfinite(limits.jerk[row.motion])
     )
     found = [
-        jerk_terms(q[1], q[2], q[3]) * blends * _RAMP * limits.period / row.scale for row, q in _with_motions(of, path)
+        jerk_terms(q[1], q[2], q[3]) * near * _RAMP * limits.period / row.scale for row, q in _with_motions(of, path)
     ]
     return GridRows(of, np.array(found).reshape(len(of), 3, sigma.size))
 
 
 def _soften_jumps(
-    section: Section, limits: Limits, grid: Grid, path: Path, cap: FloatArray, rows_j: GridRows, stride: int
+    section: Section, limits: Limits, grid: TimeGrid, path: Path, cap: FloatArray, rows_j: GridRows, stride: int
 ) -> None:
     """Lower the cap at curvature jumps, and the jerk that is left beside them."""
-    first = grid.left[np.searchsorted(grid.u[grid.left], [b.u for b in section.jumps])]
+    first = grid.left[np.searchsorted(grid.map.u[1:], [b.u for b in section.jumps])]
     # The tip's arc length bends with the axes where these are weighted: sigma is that of the machine axes.
     every = np.concatenate([path.axes, path.tip[:, :, None]], axis=2)
     step = every[2, stride * (first + 1)] - every[2, stride * first]
-    beside = soften(limits, grid.sigma, first, step, np.abs(path.axes[1, stride * first]), cap)
+    beside = soften(limits, grid.sigma, first, step, cap)
     rows_j.r[:, :, beside] /= JERK_COLLOCATED
-
-
-def _guess(section: Section, grid: Grid, guess: FeedGuess) -> tuple[FloatArray, float]:
-    """Guess x at the knots by the time between knots, and the duration.
-
-    The mean of sigma_dot over an interval is finite at rest, where the ratio of feed and dy/dsigma is 0/0.
-    """
-    time = guess.time
-    h = np.diff(grid.sigma)
-    inner = h > 0.0
-    dt = np.diff(np.interp(section.position(grid.sigma), guess.y, time))
-    floor = 1e-9 * time[-1] / grid.intervals
-    rate = (h / np.maximum(dt, floor))[inner]
-    centre = (0.5 * (grid.sigma[1:] + grid.sigma[:-1]))[inner]
-    return np.interp(grid.sigma, centre, rate) ** 2, float(time[-1])

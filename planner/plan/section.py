@@ -31,7 +31,6 @@ from planner.plan.rest_map import BLEND_LENGTH, covered, share_of_blend, slopes
 from planner.plan.stops import exact_stops
 from planner.types import FloatArray
 
-_DIGITS = 16.0  # more than so many units in the last place is not rounding
 _RESOLUTION = 1e4 * float(np.finfo(np.float64).eps)
 _SEAM_TOLERANCE = 1e-7  # relative jump of the first and second derivative between end and start that counts as none
 
@@ -150,33 +149,6 @@ class Section:
     def coordinate(self, u: FloatArray) -> FloatArray:
         """Coordinate y at curve parameters u."""
         return u.copy() if self.arc is None else self.arc.s(u)
-
-    def rounding(self, sigma: FloatArray, u: FloatArray) -> FloatArray:
-        """By how much rounding moved the parameters u of the points sigma; 0 outside the rest blends.
-
-        Next to a stop the digits of u do not tell how far it is: a path that ends at u = 1 has none closer than 1e-16,
-        and the rest map goes there.  The distance itself is known to full precision, w P(r), and so is 1 - u.
-        """
-        out = np.zeros_like(u)
-        for width, distance, stop, sign in (
-            (self.blend_start, sigma, self.u_start, 1.0),
-            (self.blend_end, self.span - sigma, self.u_end, -1.0),
-        ):
-            if width <= 0.0:
-                continue
-            inside = np.flatnonzero((distance > 0.0) & (distance < width))
-            away = sign * (u[inside] - stop)
-            meant = width * covered(distance[inside] / width)
-            speed: FloatArray | float = 1.0
-            if self.arc is not None:
-                # The arc length by three derivatives at the stop: closer than the digits of u where these matter.
-                v, v1, v2 = self.arc.speed_at(stop, "right" if sign > 0.0 else "left")
-                speed = v + sign * v1 * away
-                away = away * (v + away * (0.5 * sign * v1 + away * v2 / 6.0))
-            moved = sign * (away - meant) / speed
-            digits = _DIGITS * np.finfo(float).eps * max(abs(self.u_start), abs(self.u_end), self.u_end - self.u_start)
-            out[inside] = np.where(np.abs(moved) <= digits, moved, 0.0)
-        return out
 
     def parameter_derivatives(
         self, q: FloatArray, weights: FloatArray, rest: tuple[FloatArray, FloatArray, FloatArray, FloatArray]

@@ -1,6 +1,6 @@
 """From a solution in sigma to the nodes of a time law.
 
-A solution gives x = sigma_dot^2 as a cubic on every interval.  Its time law has a node at each knot and each midpoint,
+A solution gives x = sigma_dot^2 as a cubic on every interval.  Its time law has a node at each knot and at points between,
 
     t' = x^(-1/2) integrated by Gauss,   u_dot = u' x^(1/2),   u_ddot = u'' x + u' a,
 
@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from planner.compiled import core
 from planner.geometry.differential import jerk_terms
 from planner.law import TimeLaw
-from planner.plan.rows import Parameter
-from planner.types import FloatArray
+from planner.plan.time_knots import TimeGrid
+from planner.types import FloatArray, IntArray
 
-_GAUSS_POINTS = 8  # on half an interval: the integrand varies little there
+_GAUSS_POINTS = 6  # from node to node: the integrand varies little there
 _DEEPEST_DIP = 1e-4
 _DIGITS = 16.0  # a difference of parameters is known to so many units in their last place
 
@@ -48,51 +48,59 @@ class SpeedLaw:
         slope = (self.c[i + 1] - self.c[i]) / h
         return self.x[i] + w * (2.0 * self.a[i] + w * (self.c[i] + w * slope / 3.0))
 
-    def time_law(self, path: Parameter) -> TimeLaw:
-        """Nodes at knots and midpoints; ``path`` holds the same points."""
+    def time_law(self, grid: TimeGrid, counts: IntArray) -> TimeLaw:
+        """Nodes at knots, and between: ``counts (m,)`` to each interval that is not empty, evenly."""
         h = np.diff(self.sigma)
-        # A midpoint is where it rounds to: far from the origin and next to a stop that is not the middle.
-        first = 0.5 * (self.sigma[:-1] + self.sigma[1:]) - self.sigma[:-1]
-        halves = np.stack([first, h - first], axis=1)
-        slope = np.diff(self.c) / np.where(h > 0.0, h, 1.0)
-        x, a, c = np.empty((3, path.u.shape[1]))
-        x[0::2], a[0::2], c[0::2] = self.x, self.a, self.c
-        x[1::2] = self.x[:-1] + first * (2.0 * self.a[:-1] + first * (self.c[:-1] + first * slope / 3.0))
-        np.maximum(x[1::2], _DEEPEST_DIP * np.minimum(self.x[:-1], self.x[1:]), out=x[1::2])
-        a[1::2] = self.a[:-1] + first * (self.c[:-1] + 0.5 * first * slope)
-        c[1::2] = self.c[:-1] + first * slope
-        dt = np.empty(2 * h.size)
-        gauss, weights = np.polynomial.legendre.leggauss(_GAUSS_POINTS)
-        for half in (0, 1):
-            w = half * first[:, None] + halves[:, [half]] * (0.5 * (gauss + 1.0))
-            inner = self.x[:-1, None] + w * (
-                2.0 * self.a[:-1, None] + w * (self.c[:-1, None] + w * slope[:, None] / 3.0)
-            )
+        full = np.flatnonzero(h > 0.0)
+        slope = np.diff(self.c)[full] / h[full]
+        i = np.repeat(np.arange(full.size), counts)
+        share = (np.arange(i.size) - np.repeat(np.cumsum(counts) - counts, counts)) / counts[i]
+        knot, width = full[i], h[full[i]] / counts[i]
+        w = h[knot] * share
+        lowest = _DEEPEST_DIP * np.minimum(self.x[knot], self.x[knot + 1])
+
+        def squared(at: FloatArray) -> FloatArray:
             # A cubic may dip below 0 between collocation points of a coarse grid; it is slow there, not undefined, and the
             # excess that the quintic shows makes the grid finer.
-            np.maximum(inner, _DEEPEST_DIP * np.minimum(self.x[:-1], self.x[1:])[:, None], out=inner)
-            dt[half::2] = 0.5 * halves[:, half] * np.einsum("ij,j->i", 1.0 / np.sqrt(inner), weights)
-        u, u1, u2, u3 = path.u
+            cubic = self.x[knot] + at * (2.0 * self.a[knot] + at * (self.c[knot] + at * slope[i] / 3.0))
+            return np.maximum(cubic, lowest)
+
+        dt = np.zeros(i.size)
+        for place, weight in zip(*np.polynomial.legendre.leggauss(_GAUSS_POINTS), strict=True):
+            dt += 0.5 * weight * width / np.sqrt(squared(w + 0.5 * (place + 1.0) * width))
+        x, a, c = squared(w), self.a[knot] + w * (self.c[knot] + 0.5 * w * slope[i]), self.c[knot] + w * slope[i]
+        # the last knots of the macros, each after the nodes of the interval before it
+        at = np.cumsum(counts)[np.searchsorted(full, grid.left) - 1]
+        x, a, c = (np.insert(of, at, knots[grid.left]) for of, knots in ((x, self.x), (a, self.a), (c, self.c)))
+        macro = np.insert(grid.macro[knot], at, grid.macro[grid.left])
+        sigma = np.insert(self.sigma[knot] + w, at, self.sigma[grid.left])
+        dt, width = (np.insert(of, at, 0.0)[:-1] for of in (dt, width))
+        distance = grid.distances(sigma, macro)
+        u, u1, u2, u3 = path = grid.map.parameter(macro, distance)
+        moved = grid.map.rounding(macro, distance, u)
         rate, acceleration = u1 * np.sqrt(x), u2 * x + u1 * a
         # Where rounding moved u, the node is the moment at which the law has the rounded u.
-        off = np.flatnonzero((path.rounding != 0.0) & (rate > 0.0))
-        later, moved = np.zeros(x.size), path.rounding
+        off = np.flatnonzero((moved != 0.0) & (rate > 0.0))
+        later = np.zeros(x.size)
         terms = jerk_terms(u1[off], u2[off], u3[off])
         third = (terms[0] * x[off] + terms[1] * a[off] + terms[2] * c[off]) * np.sqrt(x[off])
         later[off] = _until(moved[off], rate[off], acceleration[off])
         rate[off] += later[off] * (acceleration[off] + 0.5 * later[off] * third)
         acceleration[off] += later[off] * third
-        # u is exact at the ends of stretches and taken as it is next to a stop; elsewhere its digits are those of a solve.
+        # u is exact at breaks and taken as it is next to a stop; elsewhere its digits are those of a solve.
         exact = moved != 0.0
-        exact[0::2] |= np.append(h == 0.0, True) | np.append(True, h == 0.0)
-        advance, u = _in_step(u, _advance(halves.reshape(-1), path.u) + np.diff(moved), exact, dt)
+        ends = at + np.arange(at.size)
+        exact[ends[grid.at_breaks]] = True
+        exact[np.minimum(ends[grid.at_breaks] + 1, x.size - 1)] = True
+        exact[0] = True
+        advance, u = _in_step(u, _advance(width, path) + np.diff(moved), exact, dt)
         dt += np.diff(later)
-        keep = np.append(True, np.repeat(h, 2) > 0.0)
-        keep[2::2] = True  # the midpoint of an empty interval is no node of its own
-        inner = keep[1:]
-        t = np.concatenate([[0.0], np.cumsum(dt[inner])])
-        law = TimeLaw(t, u[keep], rate[keep], acceleration[keep], np.stack([dt, advance])[:, inner])
-        return law.forward_at_stops()
+        # between macros that meet within a stretch all is continuous: one node
+        once = np.ones(x.size, dtype=np.bool_)
+        once[ends[~grid.at_breaks]] = False
+        steps = np.stack([dt, advance])[:, once[:-1]]
+        t = np.concatenate([[0.0], np.cumsum(steps[0])])
+        return TimeLaw(t, u[once], rate[once], acceleration[once], steps).forward_at_stops()
 
 
 def _until(distance: FloatArray, rate: FloatArray, acceleration: FloatArray) -> FloatArray:
@@ -132,7 +140,7 @@ def _in_step(
     bands = 0.5 * np.finfo(float).eps * np.abs(u[at])
     core.speed_law_follow(at.size, (u[at] - total[at]) - lost[at], bands, left_over)
     share = np.abs(advance) * (dt / dt.max()) ** 2
-    share[~(share > 0.0)] = share.mean()  # empty intervals lie between exact points
+    share[~(share > 0.0) & (dt > 0.0)] = share.mean()  # an empty interval takes no step
     over = np.concatenate([[0.0], np.cumsum(share)])
     spread = np.interp(over, over[at], left_over)
     out = total + (lost + spread)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -10,38 +10,43 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InfeasibleError, SolverError
+from planner.law import TimeLaw
 from planner.machine.feed_limits import command_kind
 from planner.machine.limits import Limits
+from planner.plan.collocation import points_of
 from planner.plan.ends import Feed, feed_at
 from planner.plan.guess import FeedGuess, least_times
-from planner.plan.knots import Grid, split
-from planner.plan.rows import Constraints, Parameter, build
+from planner.plan.rows import Constraints, build
 from planner.plan.section import Section
 from planner.plan.sensitivity import SpeedBound, saved_by_one_percent
 from planner.plan.solvers import interior as optimal
 from planner.plan.solvers.interior import Solution, Waypoint
 from planner.plan.speed_law import SpeedLaw
+from planner.plan.switches import jerk_changes
+from planner.plan.time_knots import ROUNDING_SHARE, JerkChanges, TimeGrid
+from planner.plan.time_map import TimeMap
 from planner.plan.utilisation import Utilisation
-from planner.profile import BINDING_SHARE
 from planner.status import Status, Work
-from planner.types import FloatArray, Progress
+from planner.types import FloatArray, IntArray, Progress
 
 _MIN_GUESS = 1e-6
+_INNER = 3  # points inside an interval; a reference by other methods has one
+_NODES = 2  # of the time law, an interval at least
 # Beyond the first the grid is too coarse somewhere, and is halved wherever it is beyond the last; below, tightening the
 # limits locally is enough.  Where the number of intervals is given, only what is beyond the second is refined.
-TOO_COARSE, HOPELESS, COARSE = 1.0005, 1.05, 1.0001
+TOO_COARSE, HOPELESS, COARSE = 1.01, 1.05, 1.002
 # A slowing down by more than this is said, and so much is not accepted while the grid may still be refined.
 WORTH_SAYING = 1.001
 TIGHTENING_ROUNDS = 5
 _PROGRESS = 0.99  # of the slowing down, from round to round: less than that is none
 _MARGIN_STEP = 2e-5
-_MARGIN_REACH = 2
+_NEIGHBOUR = 0.3
 _PRESCRIBED_MARGIN = 2e-6
 _CONTINUED_GAIN = 2.0
 # An interior point needs room above a feed that is prescribed at its limit.
 _PRESCRIBED_ROOM = 1e-9
 # How the speed is held where chords are too far from the path, and the length of intervals there in periods.
-_CHORD_POWER, _MIN_HOLD, _MAX_HOLD, _CHORD_SPACING = 0.6, 1.001, 3.0, 0.25
+_CHORD_POWER, _MIN_HOLD, _MAX_HOLD, _CHORD_SPACING = 0.55, 1.001, 3.0, 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,23 +67,20 @@ class Task:
         return self.section.has_prescribed_feed
 
 
-def _margins(used: Utilisation, grid: Grid, gain: float) -> tuple[FloatArray, ...]:
+def _margins(shares: Sequence[FloatArray], inner: int, gain: float) -> tuple[FloatArray, ...]:
     """By how much to tighten speed, acceleration and jerk limits at each point where a plan used too much of them.
 
-    ``gain``: times the excess.
+    ``shares``: of each, used in every interval (n - 1,); ``inner``: points in one; ``gain``: times the excess.
     """
     margins = []
-    for share in (used.speed, used.acceleration, used.jerk):
-        excess = _by_interval(share, grid)
-        excess = np.where(excess > 1.0, (1.0 + gain * (excess - 1.0)) * (1.0 + _MARGIN_STEP), 1.0)
-        # What a plan gives up in one interval it would seek in the next ones, so these are tightened with it.
-        for _ in range(_MARGIN_REACH):
-            excess[1:] = np.maximum(excess[1:], excess[:-1])
-            excess[:-1] = np.maximum(excess[:-1], excess[1:])
-        at = np.ones(2 * grid.sigma.size - 1)
-        at[1::2] = excess
-        at[2::2] = excess
-        at[0:-1:2] = np.maximum(at[0:-1:2], excess)
+    for share in shares:
+        excess = np.where(share > 1.0, (1.0 + gain * (share - 1.0)) * (1.0 + _MARGIN_STEP), 1.0)
+        beside = 1.0 + _NEIGHBOUR * (excess - 1.0)
+        excess[1:] = np.maximum(excess[1:], beside[:-1])
+        excess[:-1] = np.maximum(excess[:-1], beside[1:])
+        at = np.ones((inner + 1) * excess.size + 1)
+        at[:-1] = np.repeat(excess, inner + 1)
+        at[inner + 1 :: inner + 1] = np.maximum(at[inner + 1 :: inner + 1], excess)
         margins.append(at)
     return tuple(margins)
 
@@ -101,24 +103,17 @@ def _tightened(
 
 @dataclass(frozen=True, eq=False)
 class Attempt:
-    """What one solve gave: the law, where the next solve may begin, and what is said of it.
+    """What one solve gave: the law over the time of the map, where the next solve may begin, and what is said of it.
 
-    ``unbound (n - 1,)``: share of the time of each interval, knot - middle - knot, in which no limit binds.  ``saved``: time
-    that one percent more of each limit saves, s, where the solver tells.
+    ``saved``: time that one percent more of each limit saves, s, where the solver tells.
     """
 
+    map: TimeMap
     speed_law: SpeedLaw
     waypoint: Waypoint | None
-    unbound: FloatArray
     status: Status
     work: Work
     saved: Mapping[str, float]
-
-    @property
-    def idle(self) -> float:
-        """Share of the time in which no limit binds."""
-        time = np.diff(self.speed_law.sigma) / np.sqrt(0.5 * (self.speed_law.x[1:] + self.speed_law.x[:-1]))
-        return float(time @ self.unbound / time.sum())
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,41 +142,67 @@ NO_HOLDS = Holds(np.empty(0), np.empty(0), np.empty(0))
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """A grid with its constraints, tightened where a plan on it used too much, and where it is held slow."""
+    """A grid with its constraints, tightened where a plan on it used too much, and where it is held slow.
 
-    grid: Grid
+    ``counts (m,)``: nodes of the time law to each interval that is not empty.
+    """
+
+    grid: TimeGrid
     problem: Constraints
-    path: Parameter
+    counts: IntArray
     speed: SpeedBound
     holds: Holds
 
     @classmethod
-    def on(cls, task: Task, grid: Grid, holds: Holds = NO_HOLDS) -> Stage:
+    def on(cls, task: Task, grid: TimeGrid, holds: Holds = NO_HOLDS) -> Stage:
         """Build the constraints on a grid."""
-        problem, path = build(task.section, task.limits, grid, task.guess, periodic=task.periodic)
-        # of the path only what is needed from here on: a long one has no memory to spare
-        parameter = Parameter(path.u, path.rounding)
-        beyond = path.u[0] >= np.repeat(grid.stretch_end, 2)[:-1]
-        command = command_kind(task.section.curve, task.limits, path.u[0], beyond)
+        inner = _INNER if task.method == "optimal" else 1
+        problem, path = build(task.limits, grid, periodic=task.periodic, inner=inner)
+        command = command_kind(task.section.curve, task.limits, path.u[0], path.left)
         speed = SpeedBound.of(task.limits, path, problem, command)
         if task.prescribed:
             problem = _tightened(problem, *[1.0 + _PRESCRIBED_MARGIN] * 3)
         if task.section.reserve:
             problem = _tightened(problem, *[1.0 / task.section.usable(path.u[0])] * 3)
         if holds.x.size:
-            middle = 0.5 * (grid.sigma[1:] + grid.sigma[:-1])
-            points = np.insert(grid.sigma, np.arange(1, grid.sigma.size), middle)
-            per_x = (problem.length_unit / problem.time_unit) ** 2
-            problem = replace(problem, cap=np.minimum(problem.cap, holds.caps(points) / per_x))
-        return cls(grid, problem, parameter, speed, holds)
+            problem = replace(problem, cap=np.minimum(problem.cap, holds.caps(points_of(grid.sigma, inner))))
+        return cls(grid, problem, _node_counts(task, grid), speed, holds)
+
+    def by_interval(self, values: FloatArray) -> FloatArray:
+        """Largest value in each interval of the grid, 0 for empty ones, from those between the nodes of the time law."""
+        full = np.diff(self.grid.sigma) > 0.0
+        # the two nodes of a break have nothing between them: such values come after those of the macro that ends there
+        ends = np.cumsum(self.counts)[np.searchsorted(np.flatnonzero(full), self.grid.left) - 1]
+        ends = ends[self.grid.at_breaks][:-1] + np.arange(np.count_nonzero(self.grid.at_breaks) - 1)
+        out = np.zeros(full.size)
+        out[full] = np.maximum.reduceat(np.delete(values, ends), np.cumsum(self.counts) - self.counts)
+        return out
+
+    def time_law(self, attempt: Attempt) -> TimeLaw:
+        """The law of an attempt on this grid."""
+        return attempt.speed_law.time_law(self.grid, self.counts)
+
+    def knot_times(self, law: TimeLaw) -> FloatArray:
+        """When the law of an attempt on this grid passes its knots, (n,), s."""
+        full = np.diff(self.grid.sigma) > 0.0
+        steps = np.zeros(full.size)
+        ends = np.cumsum(self.counts)[np.searchsorted(np.flatnonzero(full), self.grid.left) - 1]
+        ends = ends[self.grid.at_breaks][:-1] + np.arange(np.count_nonzero(self.grid.at_breaks) - 1)
+        steps[full] = np.add.reduceat(np.delete(np.diff(law.t), ends), np.cumsum(self.counts) - self.counts)
+        return np.minimum(np.concatenate([[0.0], np.cumsum(steps)]), law.t[-1])
+
+    def jerk_changes(self, attempt: Attempt, law: TimeLaw) -> JerkChanges:
+        """Where the jerk of an attempt on this grid changes, given its law."""
+        of, scale = attempt.speed_law, self.problem.length_unit
+        states = np.stack([of.x, of.a * scale, of.c * scale**2])
+        return jerk_changes(self.problem, states, self.knot_times(law))
 
     def solve(self, task: Task, before: Attempt | None, tolerance: float | None = None) -> Attempt:
-        """Solve, from a previous law or from the way to it where there is one."""
+        """Solve, from the way to a law on the same grid where there is one, else from the law that the map is of."""
         problem = self.problem
-        per_x = (problem.length_unit / problem.time_unit) ** 2
-        if before is not None:
+        if before is not None and before.map is self.grid.map:
             floor = _MIN_GUESS * float(before.speed_law.x.min())
-            problem = replace(problem, guess=np.maximum(before.speed_law.at(self.grid.sigma), floor) / per_x)
+            problem = replace(problem, guess=np.maximum(before.speed_law.at(self.grid.sigma), floor))
         waypoint = before.waypoint if before else None
         try:
             solution = _run(task, problem, waypoint, before is not None, tolerance)
@@ -194,13 +215,10 @@ class Stage:
             if not task.prescribed:
                 raise SolverError(_not_found(task.section, error)) from None
             raise InfeasibleError(_not_attainable(task.section, error)) from None
-        idle = self.problem.used(solution.x, solution.a, solution.c) < BINDING_SHARE
-        unbound = (idle[:-2:2] + 4.0 * idle[1::2] + idle[2::2]) / 6.0
         scale = problem.length_unit
-        x, a, c = solution.x * per_x, solution.a * per_x / scale, solution.c * per_x / scale**2
-        law = SpeedLaw(self.grid.sigma, x, a, c)
+        law = SpeedLaw(self.grid.sigma, solution.x, solution.a / scale, solution.c / scale**2)
         return Attempt(
-            law, solution.waypoint, unbound, solution.status, self._work(solution), self._saved(task, solution)
+            self.grid.map, law, solution.waypoint, solution.status, self._work(solution), self._saved(task, solution)
         )
 
     def _work(self, solution: Solution) -> Work:
@@ -234,22 +252,23 @@ class Stage:
 
         Where an interval is as short as nodes may be, or refining did not help before, the speed is held there instead.
         """
-        slowdown = _by_interval(used.slowdown, self.grid)
+        slowdown = self.by_interval(used.slowdown)
         fixed = self._shortest(task, attempt) | (number > TIGHTENING_ROUNDS)
         coarse = (used.slowdown > COARSE) | (used.backward > 0.0)
-        halved = (_by_interval(coarse.astype(np.float64), self.grid) > 0.0) & ~fixed | (attempt.unbound > 0.0)
+        halved = (self.by_interval(coarse.astype(np.float64)) > 0.0) & ~fixed
         tolerated = HOPELESS if float(used.slowdown.max()) < _PROGRESS * before else WORTH_SAYING
         stuck = (slowdown > tolerated) & fixed & (not task.prescribed)
         may_split &= bool(halved.any())
         if may_split or stuck.any():
-            grid = split(task.section, self.grid, halved) if may_split else self.grid
             # What a quintic of a few digits is off by goes with the sixth power of the speed: the root is enough of much.
             by = np.minimum(slowdown, np.sqrt(2.0 * slowdown))
-            return Stage.on(task, grid, self._held(attempt, by, stuck)), replace(attempt, waypoint=None)
+            grid, holds = self.grid.split(halved) if may_split else self.grid, self._held(attempt, by, stuck)
+            return self._renewed(task, attempt, grid, holds), replace(attempt, waypoint=None)
         # Tightening by the excess leaves up to half of it.  A plan that continues another one, and cannot be slowed down as
         # a whole, is tightened by more: what that costs is little against its reserve.
         gain = _CONTINUED_GAIN if task.prescribed and task.section.reserve else 1.0
-        tighter = replace(self, problem=_tightened(self.problem, *_margins(used, self.grid, gain)))
+        shares = [self.by_interval(share) for share in (used.speed, used.acceleration, used.jerk)]
+        tighter = replace(self, problem=_tightened(self.problem, *_margins(shares, self.problem.inner, gain)))
         return tighter, replace(attempt, waypoint=None) if task.prescribed else attempt
 
     def slower(
@@ -264,10 +283,23 @@ class Stage:
         share = np.maximum(shares[i], shares[i - 1])
         over = (share > 1.0) & (np.diff(self.grid.sigma) > 0.0)
         by = np.clip(share**_CHORD_POWER, _MIN_HOLD, _MAX_HOLD)
-        coarse = _by_interval(used.slowdown, self.grid) > TOO_COARSE
+        coarse = self.by_interval(used.slowdown) > TOO_COARSE
         halved = over & (np.diff(knots) > _CHORD_SPACING * task.limits.period) | coarse
-        holds = self._held(attempt, by, over)
-        return Stage.on(task, split(task.section, self.grid, halved), holds), replace(attempt, waypoint=None)
+        grid = self.grid.split(halved)
+        return self._renewed(task, attempt, grid, self._held(attempt, by, over)), replace(attempt, waypoint=None)
+
+    def _renewed(self, task: Task, attempt: Attempt, grid: TimeGrid, holds: Holds) -> Stage:
+        """The stage of a finer grid, in the time of the attempt where that is a law; else in the time it has."""
+        knots, of = self.grid.sigma, attempt.speed_law
+        law = self.time_law(attempt)
+        time = self.knot_times(law)
+        try:
+            # a knot in the middle of an interval is passed within it, at whatever time
+            renewed = grid.renewed(law, np.interp(grid.sigma, *_increasing(knots, time)), periodic=task.periodic)
+        except SolverError:
+            return Stage.on(task, grid, holds)
+        lo, hi = (np.interp(at, *_increasing(knots, time)) for at in (holds.lo, holds.hi))
+        return Stage.on(task, renewed, Holds(lo, hi, holds.x / of.at(0.5 * (holds.lo + holds.hi))))
 
     def _held(self, attempt: Attempt, by: FloatArray, stuck: NDArray[np.bool_]) -> Holds:
         """Hold the speed in the intervals ``stuck`` below that of an attempt, by these factors."""
@@ -278,8 +310,8 @@ class Stage:
     def _shortest(self, task: Task, attempt: Attempt) -> NDArray[np.bool_]:
         """Intervals (n - 1,) whose halves would be shorter than nodes may be apart."""
         guess, law = task.guess, attempt.speed_law
-        y = task.section.position(0.5 * (self.grid.sigma[1:] + self.grid.sigma[:-1]))
-        least = np.interp(y, guess.y, least_times(guess))
+        u = self.grid.map.parameter(self.grid.macro, self.grid.distances(self.grid.sigma, self.grid.macro))[0]
+        least = np.interp(0.5 * (u[1:] + u[:-1]), guess.u, least_times(guess))
         time = np.diff(self.grid.sigma) / np.sqrt(0.5 * (law.x[1:] + law.x[:-1]))
         return np.asarray(time < 4.0 * least)
 
@@ -319,11 +351,23 @@ def _not_attainable(section: Section, error: SolverError) -> str:
     )
 
 
-def _by_interval(values: FloatArray, grid: Grid) -> FloatArray:
-    """Largest value of the two halves of each solver interval; 0 for empty ones."""
-    full = np.diff(grid.sigma) > 0.0
-    out = np.zeros(full.size)
-    # nodes: knot, midpoint, knot, ...; an empty interval has one entry, a full one two
-    first = np.cumsum(np.where(full, 2, 1)) - np.where(full, 2, 1)
-    out[full] = np.maximum(values[first[full]], values[first[full] + 1])
-    return out
+def _increasing(sigma: FloatArray, time: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Knots without the second of each double one."""
+    once = np.append(True, np.diff(sigma) > 0.0)
+    return sigma[once], time[once]
+
+
+def _node_counts(task: Task, grid: TimeGrid) -> IntArray:
+    """Nodes of the time law to each interval that is not empty, so that its quintics follow u over time."""
+    full = np.flatnonzero(np.diff(grid.sigma) > 0.0)
+    counts = np.full(full.size, _NODES, dtype=np.intp)
+    piece = grid.map.piece[grid.macro[full]]
+    on = np.flatnonzero(piece >= 0)
+    if on.size:
+        ends = (grid.distances(grid.sigma[k], grid.macro[k]) for k in (full[on], full[on] + 1))
+        way = np.diff([grid.map.native(grid.macro[full[on]], d)[0] for d in ends], axis=0)[0]
+        spacing = grid.map.section.curve.native_spacing(piece[on])
+        time = np.diff(grid.sigma)[full[on]]
+        least = np.interp(grid.map.u[grid.macro[full[on]]], task.guess.u, least_times(task.guess, ROUNDING_SHARE))
+        counts[on] = np.maximum(_NODES, np.minimum(np.ceil(way / spacing), time / least)).astype(np.intp)
+    return counts

@@ -43,8 +43,8 @@ def test_limits_held_at_knots_alone_are_exceeded_between_them():
     assert knots.duration_s < both.duration_s
 
 
-def test_tightening_takes_the_excess_away(circle):
-    before, after = method.tightening_rounds(circle, SMALL)
+def test_tightening_takes_the_excess_away():
+    before, after = method.tightening_rounds(method.case("butterfly 100", 2 * SMALL), 2 * SMALL)
     assert before.used.slowdown.max() > 1.0005
     assert after.used.slowdown.max() - 1.0 < 0.2 * (before.used.slowdown.max() - 1.0)
 

@@ -2,7 +2,7 @@
 
 import pytest
 from cases import line, line_arc_line, mill
-from problems import laid_out
+from problems import knotted
 
 from planner import load_curve
 from planner.machine.machine_file import load_limits
@@ -24,4 +24,4 @@ CASES = {
 def case(request):
     make, limits = CASES[request.param]
     curve = make()
-    return curve, limits, *laid_out(curve, limits)
+    return curve, limits, *knotted(curve, limits)

@@ -37,17 +37,9 @@ def of_file(seed):
     return outcome(lambda: load_curve(CURVES / f"seed{seed}.json"), limits)
 
 
-@pytest.mark.parametrize("seed", [12, 20, 60, 107])
+@pytest.mark.parametrize("seed", [12, 20, 36, 53, 60, 107])
 def test_a_curve_that_once_broke_a_limit_is_planned(seed):
     assert of_file(seed) == "planned"
-
-
-def test_a_curve_beyond_the_digits_of_a_plan_is_refused_with_place_and_reason():
-    """Seed 36: |C'| falls to 6e-9; seed 53: a digit of u is 24 mm."""
-    assert re.match(
-        r"CurveError: .*\|C'\| falls to [\d.e-]+ of its largest value on its piece at u = 0.0376", of_file(36)
-    )
-    assert re.match(r"CurveError: .*a digit of u is worth 23.7 mm of the path at u = -67.0940191", of_file(53))
 
 
 def test_a_solve_that_fails_names_its_stretch(monkeypatch):

@@ -60,7 +60,7 @@ class TestManyJumps:
         step = np.column_stack([rng.normal(size=(2, 2)), np.zeros(2)])
         limits = Limits(200.0, np.inf, [3e3, 3e3], JERK, period=PERIOD)
         cap = np.full(2 * sigma.size - 1, 4e4)
-        beside = jumps.soften(limits, sigma, np.array([1, 3]), step, np.full((2, 2), 0.7), cap)
+        beside = jumps.soften(limits, sigma, np.array([1, 3]), step, cap)
         passed = cap[[2, 6]]
         rate = np.sqrt(passed.min())
         times = np.array([0.0, apart]) / rate
@@ -75,5 +75,5 @@ class TestManyJumps:
         step = np.array([[0.3, -0.2, 0.0], [0.1, 0.5, 0.0]])
         limits = Limits(200.0, np.inf, [3e3, 3e3], JERK, period=PERIOD)
         cap = np.full(11, 4e4)
-        jumps.soften(limits, sigma, np.array([1, 3]), step, np.full((2, 2), 0.7), cap)
+        jumps.soften(limits, sigma, np.array([1, 3]), step, cap)
         np.testing.assert_allclose(cap[[2, 6]], jumps.passable(step[:, :2], JERK, PERIOD), rtol=1e-14)

@@ -5,7 +5,7 @@ import pytest
 from cases import ellipse, line, line_arc_line, mill
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from problems import laid_out
+from problems import knotted
 from strategies import random_nurbs
 
 from planner import load_curve
@@ -57,7 +57,7 @@ def test_every_break_has_a_double_knot_exactly_on_it(case):
 def test_a_knot_at_which_only_the_fourth_derivative_jumps_counts_as_a_break():
     curve = random_nurbs(3, 4, 2, spans=3)
     assert curve.breaks == ()
-    _, _, grid = laid_out(curve, mill())
+    _, _, grid = knotted(curve, mill())
     assert np.isin(curve._candidate_breaks(), grid.u).all()
 
 
@@ -77,14 +77,14 @@ def test_a_rest_is_resolved(case):
 
 def test_knots_crowd_where_the_path_is_slow_or_turns():
     curve = FormulaCurve({"X": "100*u", "Y": "0.2*atan(50*(u-0.5))"}, (0.0, 1.0))
-    _, _, grid = laid_out(curve, mill())
+    _, _, grid = knotted(curve, mill())
     near = np.diff(grid.u)[np.abs(grid.u[:-1] - 0.5) < 0.01].mean()
     assert near < 0.4 * np.diff(grid.u)[(grid.u[:-1] > 0.25) & (grid.u[:-1] < 0.35)].mean()
 
 
 @pytest.mark.parametrize("period", [1e-3, 1e-4])
 def test_a_curvature_jump_that_is_passed_slowly_is_resolved(period):
-    section, guess, grid = laid_out(line_arc_line(), mill(period=period))
+    section, guess, grid = knotted(line_arc_line(), mill(period=period))
     feed = np.sqrt(2.0 / 3.0 * 20000.0 * period / 0.1)
     assert guess.dips.feed == pytest.approx([feed, feed], rel=1e-6)
     # v^1.5 grows by 2.12 sqrt(J) a mm; the plan has left the jump's feed behind after about this length
@@ -100,7 +100,7 @@ def test_a_curvature_jump_that_is_passed_slowly_is_resolved(period):
 def test_knots_of_random_paths(seed, degree, intervals):
     rng = np.random.default_rng(seed)
     curve = random_nurbs(seed, degree, 3, spans=int(rng.integers(1, 40)), repeat=int(rng.integers(1, degree)))
-    section, _, grid = laid_out(curve, mill(dim=3), intervals)
+    section, _, grid = knotted(curve, mill(dim=3), intervals)
     candidates = curve._candidate_breaks()
     assert (np.diff(grid.sigma) >= 0.0).all()
     assert grid.sigma[[0, -1]].tolist() == [0.0, section.span]
@@ -116,7 +116,7 @@ def test_knots_of_random_paths(seed, degree, intervals):
 
 
 def test_split_halves_the_intervals_asked_for():
-    section, _, grid = laid_out(load_curve("circle"), mill(), 60)
+    section, _, grid = knotted(load_curve("circle"), mill(), 60)
     h = np.diff(grid.sigma)
     where = np.zeros(h.size, dtype=bool)
     where[[0, 7, h.size - 1]] = True
@@ -131,7 +131,7 @@ def test_split_halves_the_intervals_asked_for():
 
 
 def test_split_beside_a_double_knot_keeps_it():
-    section, _, grid = laid_out(line_arc_line(), mill(), 60)
+    section, _, grid = knotted(line_arc_line(), mill(), 60)
     where = np.zeros(grid.sigma.size - 1, dtype=bool)
     before = grid.left[:-1]
     where[before - 1] = where[before + 1] = True
@@ -142,7 +142,7 @@ def test_split_beside_a_double_knot_keeps_it():
 
 
 def test_split_of_everything_doubles_the_grid():
-    section, _, grid = laid_out(load_curve("butterfly-nurbs"), mill(), 200)
+    section, _, grid = knotted(load_curve("butterfly-nurbs"), mill(), 200)
     finer = split(section, grid, np.ones(grid.sigma.size - 1, dtype=bool))
     assert finer.intervals == 2 * grid.intervals
     assert split(section, grid, np.zeros(grid.sigma.size - 1, dtype=bool)).sigma.tolist() == grid.sigma.tolist()
@@ -152,14 +152,14 @@ def test_split_of_everything_doubles_the_grid():
 
 
 def test_prescribed_feeds_need_no_blend():
-    section, guess, _ = laid_out(load_curve("teardrop"), mill(), start=50.0, end=20.0)
+    section, guess, _ = knotted(load_curve("teardrop"), mill(), start=50.0, end=20.0)
     assert (section.blend_start, section.blend_end) == (0.0, 0.0)
     assert guess.feed[[0, -1]] == pytest.approx([50.0, 20.0], rel=1e-9)
 
 
 @pytest.mark.parametrize("length", [1e-6, 1.0, 1e4])
 def test_blends_are_the_way_it_takes_to_speed_up(length):
-    section, guess, _ = laid_out(line(length), mill())
+    section, guess, _ = knotted(line(length), mill())
     top = guess.feed.max()
     way = 0.5 * top * (top / 1000.0 + 1000.0 / 20000.0)
     assert section.blend_start * section.curve.length <= way * (1.0 + 1e-9)
@@ -172,7 +172,7 @@ def test_an_axis_that_has_no_limits_leaves_the_guess_to_the_other(limited):
     """Where the limited axis stands still nothing bounds the feed but the command."""
     free = [np.inf if axis != limited else 1.0 for axis in "XY"]
     rows = {name: np.array(free) * value for name, value in (("acceleration", 1000.0), ("jerk", 20000.0))}
-    section, guess, grid = laid_out(ellipse(), mill(**rows))
+    section, guess, grid = knotted(ellipse(), mill(**rows))
     assert np.isfinite(guess.feed).all()
     assert 50.0 < guess.feed.max() <= 100.0
     assert min(section.blend_start, section.blend_end) > 0.0

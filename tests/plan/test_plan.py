@@ -286,10 +286,10 @@ def test_something_holds_a_plan_back_nearly_all_the_time():
 
 
 def test_a_plan_that_was_slowed_down_says_so_and_still_names_what_binds(monkeypatch):
-    # As if the first round had been the last: 24 intervals are far too few, and the law between them too fast.
+    # As if the first round had been the last: so few intervals are far too few, and the law between them too fast.
     monkeypatch.setattr(refine, "_MAX_ROUNDS", 1)
     curve = load_curve("butterfly", scale=10.0)
-    profile = plan_feedrate(curve, mill(), intervals=60)
+    profile = plan_feedrate(curve, mill(), intervals=40)
     assert profile.work.slowdown > 1.01
     assert profile.status is Status.SLOWED
     assert any("slowed down as a whole" in note for note in profile.notes)

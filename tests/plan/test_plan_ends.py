@@ -332,7 +332,7 @@ def test_a_round_that_fails_leaves_the_plan_before_it(monkeypatch: pytest.Monkey
 
     def failing(*args: Any, **options: Any) -> Any:
         calls.append(1)
-        if len(calls) == 3:  # coarse, fine, and the round after it
+        if len(calls) == 4:  # two coarse ones, the fine one, and the round after it
             raise SolverError("planted")
         return solve(*args, **options)
 

@@ -8,15 +8,16 @@ from problems import laid_out
 from strategies import derivatives_of, oracle
 
 from planner import load_curve
-from planner.geometry.differential import arc_derivatives
+from planner.geometry.curve import Pieces
+from planner.geometry.differential import chain_rule
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
 from planner.machine.feed_limits import chord_feed_limit
 from planner.machine.limits import Limits
 from planner.machine.machine_file import load_limits
-from planner.plan.guess import guess_feed
+from planner.plan.collocation import points_of
 from planner.plan.rows import acceleration_rows, build, jerk_rows, path_at, speed_cap
-from planner.plan.section import axis_weights, cut
+from planner.plan.section import cut
 
 TANGENTIAL = {"tangential_acceleration": 700.0, "tangential_jerk": 9000.0}
 LIMITS = Limits(120.0, [250.0, 200.0], [1000.0, 800.0], [20000.0, 30000.0], 1e-3, **TANGENTIAL)
@@ -27,32 +28,28 @@ def exact_formula(u):
     return 30 * mpmath.cos(u) + 5 * mpmath.sin(3 * u), 18 * mpmath.sin(u) + u**2
 
 
-def rows_of(curve, limits, intervals=60, **options):
+def rows_of(curve, limits, intervals=64, *, inner=1, **options):
     """Section, grid, and the arrays a solver sees with the path below them."""
-    section, guess, grid = laid_out(curve, limits, intervals, **options)
-    constraints, path = build(section, limits, grid, guess, periodic=options.get("periodic", False))
+    section, _, grid = laid_out(curve, limits, intervals, **options)
+    constraints, path = build(limits, grid, periodic=options.get("periodic", False), inner=inner)
     return section, grid, constraints, path
 
 
-def points_of(grid):
-    sigma = np.repeat(grid.sigma, 2)[:-1].copy()
-    sigma[1::2] = 0.5 * (grid.sigma[1:] + grid.sigma[:-1])
-    return sigma
+def places_of(grid, inner=1):
+    """Sigma and macro of every point."""
+    return points_of(grid.sigma, inner), np.repeat(grid.macro, inner + 1)[:-inner]
 
 
-def exact_rest_map(section, sigma):
-    """y(sigma) in as many digits as mpmath is set to, from the polynomial of the text books of this coordinate."""
-    w0, w1, span = (mpmath.mpf(float(v)) for v in (section.blend_start, section.blend_end, section.span))
-    powers = {3: mpmath.mpf(4) / 3, 4: 1, 5: -mpmath.mpf(21) / 5, 6: mpmath.mpf(10) / 3, 7: -mpmath.mpf(6) / 7}
+def parameter_at(grid, macro, sigma):
+    """u by the polynomial of a macro, also beyond its ends."""
+    d = sigma - grid.map.sigma[macro]
+    return np.polynomial.polynomial.polyval(d, grid.map.powers[:, macro], tensor=False)
 
-    def covered(r):
-        return sum(c * r**k for k, c in powers.items())
 
-    if sigma < w0:
-        return section.y_start + w0 * covered(sigma / w0)
-    if span - sigma < w1:
-        return section.y_end - w1 * covered((span - sigma) / w1)
-    return section.y_start + sigma - (1 - covered(1)) * w0
+def exact_parameter(grid, macro, sigma):
+    """u(sigma) on a macro in as many digits as mpmath is set to."""
+    d = sigma - mpmath.mpf(float(grid.map.sigma[macro]))
+    return sum(mpmath.mpf(float(c)) * d**k for k, c in enumerate(grid.map.powers[:, macro]))
 
 
 # ---- rows against differences of q(sigma) --------------------------------------------------------------------------
@@ -61,29 +58,28 @@ def exact_rest_map(section, sigma):
 @pytest.fixture(scope="module")
 def formula_path():
     section, grid, constraints, path = rows_of(FORMULA, LIMITS)
-    sigma = points_of(grid)
     derivatives = np.stack(
-        [derivatives_of(lambda x: exact_formula(exact_rest_map(section, x)), s, 2) for s in sigma], axis=1
+        [
+            derivatives_of(lambda x, k=macro: exact_formula(exact_parameter(grid, k, x)), at, 2)
+            for at, macro in zip(*places_of(grid), strict=True)
+        ],
+        axis=1,
     )
     return section, grid, constraints, path, derivatives
 
 
 def test_path_derivatives_with_respect_to_sigma(formula_path):
-    """As good as the pieces fitted to the formula, 1e-13 of its extent: each derivative costs two digits."""
+    """As good as the pieces fitted to the formula, 1e-13 of its extent: each derivative costs two digits, or three."""
     _, _, _, path, d = formula_path
-    for k, accuracy in ((0, 1e-13), (1, 2e-12), (2, 5e-11), (3, 1e-9)):
+    for k, accuracy in ((0, 1e-13), (1, 4e-12), (2, 1e-9), (3, 1e-7)):
         assert path.axes[k] == pytest.approx(d[k], abs=accuracy * np.abs(d[k]).max())
 
 
 def test_the_chain_rule_itself_costs_nothing(formula_path, monkeypatch):
     """The same on the formula in place of its pieces: to 1e-12, 1e-11 and 1e-10."""
-    section, grid, _, _, d = formula_path
-
-    def exact(curve, u, left):
-        return np.where(left[:, None], curve.derivatives(u, 3, side="left"), curve.derivatives(u, 3))
-
-    monkeypatch.setattr("planner.plan.rows.evaluate", exact)
-    path = build(section, LIMITS, grid, guess_feed(section, LIMITS, 60))[1]
+    _, grid, _, _, d = formula_path
+    monkeypatch.setattr(Pieces, "evaluate", lambda _pieces, u, order, _left: FORMULA.derivatives(u, order))
+    path = build(LIMITS, grid, inner=1)[1]
     for k, accuracy in ((0, 1e-13), (1, 1e-12), (2, 1e-11), (3, 1e-10)):
         assert path.axes[k] == pytest.approx(d[k], abs=accuracy * np.abs(d[k]).max())
 
@@ -98,10 +94,13 @@ def test_rows_are_velocity_acceleration_and_jerk_over_their_limits(formula_path)
     sddd = (c * np.sqrt(x) * length / time**3)[:, None]
     acceleration = (d[2] * v**2 + d[1] * sdd) / LIMITS.acceleration
     jerk = (d[3] * v**3 + 3.0 * d[2] * v * sdd + d[1] * sddd) / LIMITS.jerk
+    asked = np.delete(
+        np.arange(x.size), 2 * np.flatnonzero(constraints.h == 0.0) + 1
+    )  # nothing is between double knots
     ours = np.stack([row[0] * x + row[1] * a for row in constraints.acceleration.r[:2]], axis=1)
-    assert ours == pytest.approx(acceleration, abs=1e-10 * np.abs(acceleration).max())
+    assert ours[asked] == pytest.approx(acceleration[asked], abs=1e-10 * np.abs(acceleration).max())
     ours = np.stack([(r[0] * x + r[1] * a + r[2] * c) * np.sqrt(x) for r in constraints.jerk.r[:2]], axis=1)
-    assert ours == pytest.approx(jerk, abs=1e-9 * np.abs(jerk).max())
+    assert ours[asked] == pytest.approx(jerk[asked], abs=1e-9 * np.abs(jerk).max())
     speed = np.sqrt(np.sum(d[1] ** 2, axis=-1))
     velocities = np.abs(d[1]) * np.sqrt(constraints.cap)[:, None] * length / time
     feeds = speed * np.sqrt(constraints.cap) * length / time
@@ -110,12 +109,12 @@ def test_rows_are_velocity_acceleration_and_jerk_over_their_limits(formula_path)
 
 
 def test_last_rows_are_those_of_the_arc_length_of_the_tip(formula_path):
-    section, grid, constraints, _, d = formula_path
-    sigma = points_of(grid)
-    h = 1e-4 * section.span
-    joints = (0.0, section.blend_start, section.span - section.blend_end, section.span)
-    far = np.min([np.abs(sigma - joint) for joint in joints], axis=0) > 4.0 * h
-    s = {k: FORMULA.arclength.s(section.rest_map(sigma[far] + k * h)[0]) for k in range(-3, 4)}
+    _, grid, constraints, _, d = formula_path
+    sigma, macro = places_of(grid)
+    h = 1e-4 * grid.map.span
+    far = np.minimum(sigma, grid.map.span - sigma) > 0.02 * grid.map.span
+    far[2 * np.flatnonzero(constraints.h == 0.0) + 1] = False
+    s = {k: FORMULA.arclength.s(parameter_at(grid, macro[far], sigma[far] + k * h)) for k in range(-3, 4)}
     first = (45 * (s[1] - s[-1]) - 9 * (s[2] - s[-2]) + s[3] - s[-3]) / (60 * h)
     second = (270 * (s[1] + s[-1]) - 27 * (s[2] + s[-2]) + 2 * (s[3] + s[-3]) - 490 * s[0]) / (180 * h**2)
     # from |s'|^2 = q'.q', differentiated twice
@@ -136,29 +135,32 @@ def test_double_knots_hold_the_values_of_either_side(name):
     curve = line_arc_line() if name == "line and arc" else load_curve(name)
     limits = drives(120.0)
     _, grid, _, path = rows_of(curve, limits, 100)
-    double = grid.left[:-1][:6]
+    double = grid.left[:-1][grid.at_breaks[:-1]][:6]
     jumps = 0.0
     for k in double:
         for knot, side in ((k, "left"), (k + 1, "right")):
-            exact = oracle(curve, float(grid.u[k]), side)[:, None, :]
-            if name == "line and arc":  # by arc length
-                exact = arc_derivatives(exact)
+            u, *rates = path.u[:, 2 * knot]
+            q = oracle(curve, float(u), side)
+            exact = np.stack([q[0], *chain_rule(q[1], q[2], q[3], *rates)])
             size = np.abs(path.axes[:, 2 * knot]).max(axis=-1)
             for order in range(4):
-                assert path.axes[order, 2 * knot] == pytest.approx(exact[order, 0], abs=1e-9 * size[order] + 1e-12)
+                assert path.axes[order, 2 * knot] == pytest.approx(exact[order], abs=1e-9 * size[order] + 1e-12)
         jumps = max(jumps, float(np.abs(path.axes[2:, 2 * k + 2] - path.axes[2:, 2 * k]).max()))
     assert jumps > 1e-3
     assert (path.axes[:, 2 * double + 1] == path.axes[:, 2 * double]).all()
 
 
-def test_arc_length_coordinate_runs_at_unit_speed_in_its_weights():
-    curve = load_curve("circle")
-    limits = drives(120.0, acceleration=[1000.0, 500.0])
-    section, grid, _, path = rows_of(curve, limits)
-    assert section.arc is not None
-    weighted = path.axes[1] * axis_weights(limits)
-    slope = section.rest_map(points_of(grid))[1]
-    assert np.sqrt(np.sum(weighted**2, axis=-1)) == pytest.approx(slope, abs=1e-12)
+@pytest.mark.parametrize("name", ["circle", "butterfly-nurbs"])
+def test_velocity_and_acceleration_go_on_at_double_knots(name):
+    """Also where the parametrisation of the curve jumps, as it does on a circle of four rational arcs."""
+    _, grid, _, path = rows_of(load_curve(name), drives(120.0), 200)
+    double = grid.left[:-1]
+    for order in (0, 1, 2):
+        size = np.abs(path.axes[order]).max()
+        assert path.axes[order, 2 * double + 2] == pytest.approx(path.axes[order, 2 * double], abs=1e-9 * size)
+    if name == "circle":
+        at = double[grid.at_breaks[:-1]]
+        assert np.abs(path.u[2, 2 * at + 2] - path.u[2, 2 * at]).max() > 1e-3 * np.abs(path.u[2]).max()
 
 
 # ---- scaling, weights, caps, ends ----------------------------------------------------------------------------------
@@ -193,7 +195,8 @@ def test_the_same_path_in_other_units_gives_the_same_arrays(name, intervals, fac
         ours, theirs = array_of(first, field), array_of(second, field)
         finite = np.isfinite(ours)
         assert np.array_equal(finite, np.isfinite(theirs))
-        assert theirs[finite] == pytest.approx(ours[finite], rel=accuracy, abs=1e-12 * np.median(np.abs(ours[finite])))
+        size = np.median(np.abs(ours[finite])) if factor < 1.0 else 1e3 * np.abs(ours[finite]).max()
+        assert theirs[finite] == pytest.approx(ours[finite], rel=accuracy, abs=1e-12 * size)
 
 
 def test_the_same_motion_in_another_unit_of_time_gives_the_same_arrays():
@@ -206,20 +209,22 @@ def test_the_same_motion_in_another_unit_of_time_gives_the_same_arrays():
 
 
 @pytest.mark.parametrize("name", ["teardrop", "circle", "flank"])
-def test_simpson_weights_add_up_to_the_length_and_integrate_cubics(name):
+@pytest.mark.parametrize("inner", [1, 3])
+def test_weights_add_up_to_the_length_and_integrate_by_their_order(name, inner):
+    """Simpson's rule cubics, Boole's polynomials of degree 5."""
     limits = load_limits("five-axis") if name == "flank" else DRIVES
-    section, grid, constraints, _ = rows_of(load_curve(name), limits)
-    assert constraints.weight.sum() * constraints.length_unit == pytest.approx(section.span, rel=1e-13)
-    assert constraints.h.sum() * constraints.length_unit == pytest.approx(section.span, rel=1e-13)
+    _, grid, constraints, _ = rows_of(load_curve(name), limits, inner=inner)
+    assert constraints.weight.sum() * constraints.length_unit == pytest.approx(grid.map.span, rel=1e-13)
+    assert constraints.h.sum() * constraints.length_unit == pytest.approx(grid.map.span, rel=1e-13)
     assert constraints.h[constraints.h > 0.0].mean() == pytest.approx(1.0)
-    sigma = points_of(grid) / section.span
-    assert constraints.weight @ sigma**3 == pytest.approx(0.25 * constraints.weight.sum(), rel=1e-12)
+    sigma, order = places_of(grid, inner)[0] / grid.map.span, inner + 2
+    assert constraints.weight @ sigma**order == pytest.approx(constraints.weight.sum() / (order + 1), rel=1e-12)
 
 
 def test_empty_intervals_carry_no_rows():
     section, grid, constraints, _ = rows_of(load_curve("circle"), LIMITS)
     empty = 2 * np.flatnonzero(np.diff(grid.sigma) == 0.0) + 1
-    assert empty.size == section.curve._candidate_breaks().size > 0
+    assert empty.size == grid.map.piece.size - 1 >= section.curve._candidate_breaks().size > 0
     assert not constraints.acceleration.r[:, :, empty].any()
     assert not constraints.jerk.r[:, :, empty].any()
     assert not constraints.weight[empty].any()
@@ -227,12 +232,13 @@ def test_empty_intervals_carry_no_rows():
 
 def test_rows_exist_for_finite_limits_only():
     some = Limits(np.inf, [np.inf, 100.0], [1000.0, np.inf], [np.inf, np.inf], tangential_jerk=5000.0)
-    section, grid, constraints, path = rows_of(FORMULA, some)
+    _, grid, constraints, path = rows_of(FORMULA, some)
     assert constraints.acceleration.r.shape[:2] == (1, 2)
     assert constraints.jerk.r.shape[:2] == (2, 3)
-    # X has an acceleration limit and none of the jerk: in the rest blends, and only there, its ramp takes half a period
-    sigma = points_of(grid)
-    inside = (sigma < section.blend_start) | (section.span - sigma < section.blend_end)
+    # X has an acceleration limit and none of the jerk: within four periods of a stop alone its ramp takes half a one
+    sigma = places_of(grid)[0]
+    inside = np.minimum(sigma, grid.map.span - sigma) < 4.0 * some.period
+    assert 0 < np.count_nonzero(inside) < inside.size
     unit = constraints.jerk.r[0, 2, 5] / (path.tip[1, 5] / 5000.0)
     ramp = path.axes[1, :, 0] * 0.5 * some.period / 1000.0 * unit
     assert constraints.jerk.r[1, 2] == pytest.approx(
@@ -252,20 +258,19 @@ def test_rows_exist_for_finite_limits_only():
 
 def test_cap_is_the_smallest_of_feed_chord_and_velocities():
     limits = Limits(120.0, [90.0, 200.0], [1000.0, 800.0], [20000.0, 30000.0], 1e-5)
-    section, grid, constraints, _ = rows_of(FORMULA, limits)
-    sigma = points_of(grid)[5:-5]
-    rest = section.rest_map(sigma)
-    d = FORMULA.derivatives(rest[0], 2)
+    _, _, constraints, path = rows_of(FORMULA, limits)
+    u, rate = path.u[:2, 5:-5]
+    d = FORMULA.derivatives(u, 2)
     speed = np.sqrt(np.sum(d[1] ** 2, axis=-1))
     # radius by three points on the curve
-    near = [FORMULA.derivatives(rest[0] + k * 1e-4, 0)[0] for k in (-1, 0, 1)]
+    near = [FORMULA.derivatives(u + k * 1e-4, 0)[0] for k in (-1, 0, 1)]
     sides = [np.sqrt(np.sum((near[i] - near[j]) ** 2, axis=-1)) for i, j in ((0, 1), (1, 2), (2, 0))]
     (ax, ay), (bx, by) = ((near[1] - near[0]).T, (near[2] - near[0]).T)
     radius = sides[0] * sides[1] * sides[2] / (2.0 * np.abs(ax * by - ay * bx))
     chord = 2.0 / limits.period * np.sqrt(2.0 * radius * 1e-5 - 1e-10)
     allowed = np.minimum(np.minimum(120.0, chord), (limits.velocity / np.abs(d[1])).min(axis=-1) * speed) / speed
     unit = constraints.length_unit / constraints.time_unit
-    ours = np.sqrt(constraints.cap[5:-5]) * unit * rest[1]
+    ours = np.sqrt(constraints.cap[5:-5]) * unit * rate
     assert ours == pytest.approx(allowed, rel=1e-5)
     assert chord_feed_limit(1.0 / radius, limits) == pytest.approx(chord, rel=1e-12)
     assert np.count_nonzero(np.isclose(ours * speed, chord, rtol=1e-4)) > 5
@@ -292,7 +297,7 @@ def test_at_rest_and_on_a_periodic_path_the_ends_are_free():
 
 
 def test_velocity_and_acceleration_rows_vanish_at_a_stop():
-    """The rest map takes the path through a stop at finite sigma_dot, at rest with no acceleration."""
+    """The map takes the path through a stop at finite sigma_dot, at rest with no acceleration."""
     _, _, constraints, path = rows_of(FORMULA, LIMITS)
     for end in (0, -1):
         assert not path.axes[1:3, end].any()
@@ -321,7 +326,7 @@ def test_where_the_tip_rests_only_the_axes_count():
     assert all(
         np.isfinite(array).all() for array in (constraints.acceleration.r, constraints.jerk.r, constraints.guess)
     )
-    assert grid.intervals == pytest.approx(400, abs=3)
+    assert grid.intervals == pytest.approx(400, rel=0.02)
 
 
 # ---- curvature jumps -----------------------------------------------------------------------------------------------
@@ -337,7 +342,7 @@ def test_a_curvature_jump_caps_the_step_of_the_acceleration(period):
     limits = drives(acceleration=[1000.0, 2000.0], jerk=[20000.0, 15000.0], period=period)
     _, grid, constraints, path = rows_of(line_arc_line(), limits, 300)
     unit = constraints.length_unit / constraints.time_unit
-    for k in grid.left[:-1]:
+    for k in grid.left[:-1][grid.at_breaks[:-1]]:
         step = np.abs(path.axes[2, 2 * k + 2] - path.axes[2, 2 * k])
         x = constraints.cap[2 * k : 2 * k + 3] * unit**2
         assert x == pytest.approx(np.full(3, x[0]))
@@ -371,7 +376,7 @@ def test_jumps_closer_than_a_few_periods_share_the_jerk():
     there = (ours > 0.0) & (plain > 1e-9 * plain.max())
     ratio = ours[there] / plain[there]
     assert ratio.max() <= ratio.min() / 0.49 * (1.0 + 1e-9)
-    first = grid.left[:-1]
+    first = grid.left[:-1][grid.at_breaks[:-1]]
     at, step = grid.sigma[first], path.axes[2, 2 * first + 2] - path.axes[2, 2 * first]
     x = constraints.cap[2 * first] * unit**2
     alone = np.min(2.0 / 3.0 * limits.jerk * limits.period / np.abs(step), axis=1)

@@ -239,10 +239,10 @@ def test_at_a_jump_the_axis_across_the_path_has_the_step(angle: float, binding: 
     points = np.array([(-20, 0), (-10, 0), (0, 0), (10, 0), (10, 10.0 * turn)]) @ [along, [-along[1], along[0]]]
     curve = NurbsCurve(points, [0, 0, 0, 1, 1, 2, 2, 2], 2, [1, 1, 1, np.sqrt(0.5), 1])
     limits = drives(500.0)
-    section, guess, grid = laid_out(curve, limits, 40)
-    problem, path = build(section, limits, grid, guess)
+    _, _, grid = laid_out(curve, limits, 40, parts=10)
+    problem, path = build(limits, grid, inner=1)
     bound = SpeedBound.of(limits, path, problem, np.zeros(path.u.shape[1], dtype=np.int8))
-    (jump,) = 2 * np.flatnonzero(problem.h == 0.0)
+    (jump,) = 2 * grid.left[:-1][grid.at_breaks[:-1]]
     names = [bound.names[k] for k in bound.which[jump - 1 : jump + 4]]
     assert names[1:4] == [f"jerk {binding}"] * 3
     assert {names[0], names[4]} <= {"velocity X", "velocity Y"}

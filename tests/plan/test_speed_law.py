@@ -17,20 +17,37 @@ from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
 from planner.law import TimeLaw
 from planner.machine.limits import Limits
-from planner.plan.rows import Parameter, build
+from planner.plan.ends import REST, Feed
+from planner.plan.section import Section
 from planner.plan.speed_law import SpeedLaw, _advance, _in_step
+from planner.plan.time_knots import TimeGrid
+from planner.plan.time_map import TimeMap
 from planner.plan.utilisation import utilisation
 
 
 def law_on(curve, seed=0, intervals=40, limits=DRIVES):
-    """A random positive spline x(sigma) on the grid of a curve; returns section, path, law, and x as a function."""
-    section, guess, grid = laid_out(curve, limits, intervals)
-    _, path = build(section, limits, grid, guess)
+    """A random positive spline x(sigma) on the grid of a curve: grid, nodes an interval, law, and x as a function."""
+    _, _, grid = laid_out(curve, limits, intervals)
     distinct = np.unique(grid.sigma)
     heights = np.random.default_rng(seed).uniform(1.0, 3.0, 8)
-    x = CubicSpline(distinct, CubicSpline(np.linspace(0.0, section.span, 8), heights)(distinct))
+    x = CubicSpline(distinct, CubicSpline(np.linspace(0.0, grid.map.span, 8), heights)(distinct))
     law = SpeedLaw(grid.sigma, x(grid.sigma), 0.5 * x(grid.sigma, 1), 0.5 * x(grid.sigma, 2))
-    return section, path, law, x
+    return grid, np.full(grid.intervals, 2), law, x
+
+
+def on_one_macro(powers, sigma, begin=REST):
+    """A grid of one macro from 0 on with u of these powers of sigma, and two nodes to an interval."""
+    at = np.polynomial.polynomial.polyval(np.array([0.0, sigma[-1]]), powers)
+    line = NurbsCurve([[0.0, 0.0], [10.0, 0.0]], [at[0], at[0], at[1], at[1]], 1)
+    section = Section(line, *at, begin, Feed(1.0), None)
+    on = TimeMap(section, np.array([0.0, sigma[-1]]), at, np.array([-1]), np.array(powers)[:, None])
+    grid = TimeGrid(on, sigma, np.zeros(sigma.size, dtype=np.intp), np.array([sigma.size - 1]))
+    return grid, np.full(sigma.size - 1, 2)
+
+
+def at_even_speed(sigma):
+    """x = 1 on these knots."""
+    return SpeedLaw(sigma, np.ones(sigma.size), np.zeros(sigma.size), np.zeros(sigma.size))
 
 
 CURVES = {
@@ -42,16 +59,16 @@ CURVES = {
 
 @pytest.fixture(scope="module", params=CURVES)
 def laid(request):
-    section, path, law, x = law_on(CURVES[request.param]())
-    return section, path, law, x, law.time_law(path)
+    grid, counts, law, x = law_on(CURVES[request.param]())
+    return grid, law, x, law.time_law(grid, counts)
 
 
 # ---- SpeedLaw ------------------------------------------------------------------------------------------------------
 
 
 def test_law_is_the_cubic_of_its_values_and_slopes(laid):
-    section, _, law, x, _ = laid
-    sigma = np.linspace(0.0, section.span, 501)
+    grid, law, x, _ = laid
+    sigma = np.linspace(0.0, grid.map.span, 501)
     assert law.at(sigma) == pytest.approx(x(sigma), rel=1e-12)
     assert law.at(law.sigma) == pytest.approx(law.x, rel=1e-12)
 
@@ -69,7 +86,7 @@ def test_at_a_double_knot_the_law_is_that_of_its_right_side_and_at_the_end_of_it
 
 
 def test_times_are_the_integral_of_one_over_sigma_dot(laid):
-    _, _, law, x, nodes = laid
+    _, law, x, nodes = laid
     distinct = np.unique(law.sigma)
     points = np.sort(np.concatenate([distinct, 0.5 * (distinct[1:] + distinct[:-1])]))
     exact = [quad(lambda s: x(s) ** -0.5, a, b, epsrel=1e-13)[0] for a, b in pairwise(points)]
@@ -78,20 +95,21 @@ def test_times_are_the_integral_of_one_over_sigma_dot(laid):
     assert np.diff(t) == pytest.approx(exact, rel=1e-10, abs=0.0)
 
 
-def test_nodes_are_knots_and_midpoints_double_where_the_knots_are(laid):
-    section, _, law, _, nodes = laid
-    empty = np.count_nonzero(np.diff(law.sigma) == 0.0)
-    assert nodes.t.size == 2 * law.sigma.size - 1 - empty
+def test_nodes_are_knots_and_midpoints_double_at_breaks_alone(laid):
+    grid, _, _, nodes = laid
+    curve = grid.map.section.curve
+    breaks = curve._candidate_breaks()
+    assert nodes.t.size == 2 * grid.intervals + 1 + breaks.size
     double = np.flatnonzero(np.diff(nodes.t) == 0.0)
-    assert np.array_equal(nodes.u[double], section.curve._candidate_breaks())
+    assert np.array_equal(nodes.u[double], breaks)
     assert np.array_equal(nodes.u[double + 1], nodes.u[double])
     assert nodes.t[0] == 0.0
-    assert (nodes.u[0], nodes.u[-1]) == section.curve.domain
+    assert (nodes.u[0], nodes.u[-1]) == curve.domain
 
 
 def test_rate_and_acceleration_of_the_parameter(laid):
     """By differences of u over the time, on either side of a break."""
-    section, _, law, x, nodes = laid
+    grid, law, x, nodes = laid
     distinct = np.unique(law.sigma)
     at = np.sort(np.concatenate([distinct, 0.5 * (distinct[1:] + distinct[:-1])]))
     single = np.append(np.diff(nodes.t) > 0.0, True)  # the right side of double nodes
@@ -99,7 +117,8 @@ def test_rate_and_acceleration_of_the_parameter(laid):
     checked = 0
     for k in range(1, at.size - 1):
         near = at[k] + h * np.arange(4)  # to the right
-        u = section.parameter(section.rest_map(near)[0])
+        macro = np.full(4, np.searchsorted(grid.map.sigma, at[k], side="right") - 1)
+        u = grid.map.parameter(macro, near - grid.map.sigma[macro])[0]
         t = np.append(0.0, [quad(lambda s: x(s) ** -0.5, at[k], s, epsrel=1e-14)[0] for s in near[1:]])
         cubic = np.polyfit(t / t[-1], u - u[0], 3)
         rate, acceleration = cubic[2] / t[-1], 2.0 * cubic[1] / t[-1] ** 2
@@ -113,28 +132,28 @@ def test_rate_and_acceleration_of_the_parameter(laid):
 
 
 def test_stops_are_at_rest_without_acceleration(laid):
-    _, _, _, _, nodes = laid
+    _, _, _, nodes = laid
     for end in (0, -1):
         assert nodes.u_rate[end] == 0.0
         assert nodes.u_acceleration[end] == 0.0
 
 
 def test_a_law_that_dips_below_zero_between_points_stays_finite():
-    section, path, law, _ = law_on(CURVES["formula"]())
+    grid, counts, law, _ = law_on(CURVES["formula"]())
     # on the last interval x falls below 0 before the middle, where it is positive again
     k, h = law.sigma.size - 2, float(law.sigma[-1] - law.sigma[-2])
     a, c = law.a.copy(), law.c.copy()
     a[k], c[k:] = -6.0 * law.x[k] / h, np.array([30.0, -18.0]) * law.x[k] / h**2
     dipping = SpeedLaw(law.sigma, law.x, a, c)
-    assert dipping.at(np.linspace(0.0, section.span, 20_001)).min() < 0.0
-    t = dipping.time_law(path).t
+    assert dipping.at(np.linspace(0.0, grid.map.span, 20_001)).min() < 0.0
+    t = dipping.time_law(grid, counts).t
     assert np.isfinite(t).all()
     assert (np.diff(t) > 0.0).all()
 
 
 def test_slower_clock():
-    _, path, law, _ = law_on(CURVES["circle"]())
-    nodes = law.time_law(path)
+    grid, counts, law, _ = law_on(CURVES["circle"]())
+    nodes = law.time_law(grid, counts)
     slow = nodes.dilated(2.0)
     assert np.array_equal(slow.u, nodes.u)
     assert np.array_equal(slow.t, 2.0 * nodes.t)
@@ -146,8 +165,8 @@ def test_slower_clock():
 
 
 def test_joined_laws_follow_one_another_and_share_the_moments_between_them():
-    _, path, law, _ = law_on(CURVES["formula"]())
-    nodes = law.time_law(path)
+    grid, counts, law, _ = law_on(CURVES["formula"]())
+    nodes = law.time_law(grid, counts)
     parts = [nodes, nodes.dilated(3.0), nodes.dilated(0.5)]
     whole, size = TimeLaw.joined(parts), nodes.t.size
     assert whole.t[0] == 0.0
@@ -164,11 +183,10 @@ def test_joined_laws_follow_one_another_and_share_the_moments_between_them():
 @pytest.mark.parametrize("curve", CURVES)
 def test_a_law_in_another_unit_of_time_has_the_same_nodes(curve):
     """Powers of two round nothing: no digit of u, no node and no correction depends on how fast the law is."""
-    _, path, law, _ = law_on(CURVES[curve](), intervals=400)
-    nodes = law.time_law(path)
-    assert np.count_nonzero((path.rounding != 0.0) & (path.u[1] > 0.0)) > 20
+    grid, counts, law, _ = law_on(CURVES[curve](), intervals=400)
+    nodes = law.time_law(grid, counts)
     for unit in (2.0**-20, 2.0**20):
-        scaled = SpeedLaw(law.sigma, unit**2 * law.x, unit**2 * law.a, unit**2 * law.c).time_law(path)
+        scaled = SpeedLaw(law.sigma, unit**2 * law.x, unit**2 * law.a, unit**2 * law.c).time_law(grid, counts)
         assert np.array_equal(scaled.t, nodes.t / unit)
         assert np.array_equal(scaled.u, nodes.u)
         assert np.array_equal(scaled.u_rate, unit * nodes.u_rate)
@@ -197,76 +215,63 @@ def test_a_law_that_would_fall_back_into_a_stop_is_held_forward():
 
 def test_nodes_of_a_law_are_held_forward_at_stops(monkeypatch):
     """A smooth law needs it for its last digits only; every law gets it."""
-    _, path, law, _ = law_on(CURVES["formula"]())
+    grid, counts, law, _ = law_on(CURVES["formula"]())
     planted = TimeLaw(*np.zeros((4, 2)))
     monkeypatch.setattr(TimeLaw, "forward_at_stops", lambda given: planted)
-    assert law.time_law(path) is planted
+    assert law.time_law(grid, counts) is planted
 
 
-def test_midpoints_are_where_they_round_to():
-    """x = 1 and u = sigma: a node at the rounded middle is as much later than the knot before it as it is further on."""
+def test_steps_of_nodes_are_halves_of_intervals_whatever_their_sums_round_to():
+    """x = 1 and u = sigma: also where the middle of an interval is no number."""
     rng = np.random.default_rng(2)
-    sigma = np.sort(np.concatenate([10.0 ** rng.uniform(-12.0, 0.0, 200), 1.0 + rng.uniform(0.0, 1e-9, 200)]))
-    ones, none = np.ones(sigma.size), np.zeros(sigma.size)
-    points = np.empty(2 * sigma.size - 1)
-    points[0::2], points[1::2] = sigma, 0.5 * (sigma[:-1] + sigma[1:])
-    along = np.stack([points, np.ones(points.size), np.zeros(points.size), np.zeros(points.size)])
-    nodes = SpeedLaw(sigma, ones, none, none).time_law(Parameter(along, np.zeros(points.size)))
-    exact = [float(Fraction(b) - Fraction(a)) for a, b in pairwise(points)]
-    assert nodes.steps[0] == pytest.approx(exact, rel=1e-15, abs=0.0)
-    uneven = [2.0 * exact[k] / (exact[k] + exact[k + 1]) - 1.0 for k in range(0, len(exact), 2)]
-    assert np.count_nonzero(np.abs(uneven) > 1e-14) > 50
+    sigma = np.sort(np.concatenate([[0.0], 10.0 ** rng.uniform(-12.0, 0.0, 200), 1.0 + rng.uniform(0.0, 1e-9, 200)]))
+    nodes = at_even_speed(sigma).time_law(*on_one_macro([0.0, 1.0, 0.0, 0.0, 0.0, 0.0], sigma))
+    halves = np.repeat([float(Fraction(b) - Fraction(a)) / 2.0 for a, b in pairwise(sigma)], 2)
+    assert nodes.steps[0] == pytest.approx(halves, rel=4e-15, abs=0.0)
+    assert nodes.steps[1] == pytest.approx(halves, rel=1e-12, abs=1e-26)
 
 
 def test_a_node_is_the_moment_at_which_the_law_has_the_rounded_parameter():
     """u = 1 + t^3 at t from 2e-5 on: rounding moves u by up to 0.8 % of what it went, and t, u' and u'' go along."""
-    sigma = np.sort(2e-5 * 10.0 ** np.random.default_rng(4).uniform(0.0, 1.0, 200))
-    points = np.empty(2 * sigma.size - 1)
-    points[0::2], points[1::2] = sigma, 0.5 * (sigma[:-1] + sigma[1:])
-    u = 1.0 + points**3
-    along = np.stack([u, 3.0 * points**2, 6.0 * points, np.full(points.size, 6.0)])
-    ones, none = np.ones(sigma.size), np.zeros(sigma.size)
-    rounding = (u - 1.0) - points**3
-    nodes = SpeedLaw(sigma, ones, none, none).time_law(Parameter(along, rounding))
-    t = np.cbrt(u - 1.0)
-    late = np.abs(t / points - 1.0)
+    sigma = np.append(0.0, np.sort(2e-5 * 10.0 ** np.random.default_rng(4).uniform(0.0, 1.0, 200)))
+    nodes = at_even_speed(sigma).time_law(*on_one_macro([1.0, 0.0, 0.0, 1.0, 0.0, 0.0], sigma))
+    meant = np.insert(sigma, np.arange(1, sigma.size), 0.5 * (sigma[1:] + sigma[:-1]))[2:-1]
+    u, rate, acceleration, t = (of[2:-1] for of in (nodes.u, nodes.u_rate, nodes.u_acceleration, nodes.t))
+    at = np.cbrt(u - 1.0)
+    late = np.abs(at / meant - 1.0)
     assert late.max() > 2e-3
-    assert np.array_equal(nodes.u, u)
-    assert nodes.u_rate == pytest.approx(3.0 * t**2, rel=0.3 * late.max() ** 2, abs=0.0)
-    assert nodes.u_acceleration == pytest.approx(6.0 * t, rel=0.3 * late.max() ** 2, abs=0.0)
-    # t starts at 0 at the first node; time runs on by what the nodes are apart
-    assert nodes.t == pytest.approx(t - t[0], rel=0.0, abs=0.3 * late.max() ** 2 * t[0])
+    assert np.array_equal(u, 1.0 + meant**3)
+    assert rate == pytest.approx(3.0 * at**2, rel=0.3 * late.max() ** 2, abs=0.0)
+    assert acceleration == pytest.approx(6.0 * at, rel=0.3 * late.max() ** 2, abs=0.0)
+    assert t == pytest.approx(at, rel=0.0, abs=0.3 * late.max() ** 2 * at[0])
 
 
 def test_steps_of_nodes_are_the_advance_of_the_law_and_not_the_differences_of_u():
     """Far from the origin u = 1e6 + sigma has four digits fewer than its steps have."""
     sigma = np.sort(np.append(np.random.default_rng(3).uniform(0.0, 1.0, 99), [0.0, 1.0]))
-    points = np.empty(2 * sigma.size - 1)
-    points[0::2], points[1::2] = sigma, 0.5 * (sigma[:-1] + sigma[1:])
-    along = np.stack([1e6 + points, np.ones(points.size), np.zeros(points.size), np.zeros(points.size)])
-    ones, none = np.ones(sigma.size), np.zeros(sigma.size)
-    nodes = SpeedLaw(sigma, ones, none, none).time_law(Parameter(along, np.zeros(points.size)))
-    assert nodes.steps[1] == pytest.approx(np.diff(points), rel=1e-12, abs=0.0)
-    assert np.abs(np.diff(along[0]) - np.diff(points)).max() > 1e-11
+    nodes = at_even_speed(sigma).time_law(*on_one_macro([1e6, 1.0, 0.0, 0.0, 0.0, 0.0], sigma, Feed(1.0)))
+    halves = np.repeat(0.5 * np.diff(sigma), 2)
+    assert nodes.steps[1] == pytest.approx(halves, rel=1e-12, abs=0.0)
+    assert np.abs(np.diff(nodes.u) - halves).max() > 1e-11
 
 
 @pytest.mark.parametrize("shift", [0.0, 1e3])
 def test_beside_a_stop_the_law_is_that_of_the_path_and_not_of_the_digits_of_u(shift):
-    """The jerk of each interval's quintic at its ends is that of the cubic there; a digit of u is worth far more."""
+    """The jerk of each interval's quintic at its start is that of the cubic there; a digit of u is worth far more."""
     curve = FormulaCurve({"X": f"30*cos(u-{shift})", "Y": f"18*sin(u-{shift})"}, (0.2 + shift, 3.0 + shift))
-    _, path, law, _ = law_on(curve, intervals=400)
-    nodes = law.time_law(path)
+    grid, counts, law, _ = law_on(curve, intervals=20_000)
+    nodes = law.time_law(grid, counts)
     (h, advance), v, a = nodes.steps, nodes.u_rate, nodes.u_acceleration
     rest = advance - h * (v[:-1] + 0.5 * a[:-1] * h)
     c3 = (10.0 * rest - 4.0 * h * (v[1:] - v[:-1] - a[:-1] * h) + 0.5 * h**2 * (a[1:] - a[:-1])) / h**3
-    x, slope, bend = np.empty((3, path.u.shape[1]))
-    x[::2], slope[::2], bend[::2] = law.x, law.a, law.c
-    x[1::2], slope[1::2] = law.at(0.5 * (law.sigma[1:] + law.sigma[:-1])), np.nan
-    exact = (path.u[3] * x + 3.0 * path.u[2] * slope + path.u[1] * bend)[::2] * np.sqrt(law.x)
-    near = np.arange(1, 20)
-    scale = np.abs(exact[near]).max()
-    assert np.count_nonzero(path.rounding) > 20
-    assert 6.0 * c3[2 * near] == pytest.approx(exact[near], abs=2e-2 * scale)
+    knots = np.flatnonzero(np.append(np.diff(grid.sigma) > 0.0, False))[:20]
+    u = grid.map.parameter(grid.macro[knots], grid.distances(grid.sigma[knots], grid.macro[knots]))
+    x, slope, bend = law.x[knots], law.a[knots], law.c[knots]
+    exact = (u[3] * x + 3.0 * u[2] * slope + u[1] * bend) * np.sqrt(x)
+    scale = np.abs(exact).max()
+    assert 6.0 * c3[2 * np.arange(20)] == pytest.approx(exact, abs=2e-2 * scale)
+    # what a digit of u would be worth
+    assert 60.0 * np.spacing(nodes.u[1]) / h[:20].min() ** 3 > (10.0 if shift else 1e-3) * 2e-2 * scale
 
 
 @pytest.mark.parametrize("offset", [0.0, 1e6])

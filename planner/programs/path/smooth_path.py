@@ -40,7 +40,7 @@ _SHORT_REST = 2.0  # a leg between a tube and the end of a stretch that is short
 # The path is measured a second time as a whole; a tube that this finds beyond its tolerance is narrowed, and built again.
 MAX_TRIES = 4
 NARROWER = 0.999  # than what would just do, by the measure before
-_INTERVALS_PER_CORNER, _INTERVALS_PER_KNOT = 200, 4
+_INTERVALS_PER_CORNER, _INTERVALS_PER_KNOT = 110, 4
 MIN_INTERVALS = 1000  # of a plan of a program
 _NOISE_FACTOR = 2.0
 _DEMANDED = "demanded by the program"

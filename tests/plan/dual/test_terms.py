@@ -7,7 +7,7 @@ import pytest
 import track_reference as reference
 from cases import MILL, PROJECT, drives
 from plan.dual.test_value import random_splines
-from problems import laid_out
+from problems import knotted
 
 from planner import Limits, load_curve, load_limits, read_program
 from planner.plan.dual.terms import Track
@@ -49,7 +49,7 @@ TRACKS = {
 @pytest.fixture(scope="module", params=TRACKS)
 def track(request):
     curve, limits, intervals, *options = TRACKS[request.param]()
-    section, _, grid = laid_out(curve, limits, intervals, **(options[0] if options else {}))
+    section, _, grid = knotted(curve, limits, intervals, **(options[0] if options else {}))
     return Track.on(section, limits, grid)
 
 

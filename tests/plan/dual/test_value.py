@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from cases import MILL
-from problems import laid_out
+from problems import knotted
 
 from planner import (
     Limits,
@@ -19,7 +19,7 @@ from planner.plan.dual.value import Splines, _sides, integrand, normalised, valu
 
 
 def track_of(curve, limits, intervals, **options):
-    section, guess, grid = laid_out(curve, limits, intervals, **options)
+    section, guess, grid = knotted(curve, limits, intervals, **options)
     return Track.on(section, limits, grid), guess
 
 
