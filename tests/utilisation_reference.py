@@ -197,11 +197,3 @@ def limit_growth(values, steps):
         values[i] = min(values[i], values[i - 1] + steps[i - 1])
     for i in range(values.size - 2, -1, -1):
         values[i] = min(values[i], values[i + 1] + steps[i])
-
-
-def follow(values, bands, out):
-    """Follow the values as lazily as the bands around them allow, from 0 on."""
-    last = 0.0
-    for i in range(values.size):
-        last = min(max(last, values[i] - bands[i]), values[i] + bands[i])
-        out[i] = last

@@ -59,7 +59,32 @@ void guess_ceiling(int64_t n, int64_t dim, int64_t tip_dim, const double *q, con
  * would swamp the small ones. */
 void guess_limit_growth(int64_t n, double *values, const double *steps);
 
-/* Follow the values (n) as lazily as the bands (n) around them allow, from 0 on, into out (n). */
-void speed_law_follow(int64_t n, const double *values, const double *bands, double *out);
+/* The nodes of a time law at the knots (n) of a grid with x, a, c there, and between: counts to each interval that is not empty.
+ * macro (n) of each knot; edges, u (macros + 1), piece (macros), powers (6, macros) of the map, and whether it ends at a stop (rests); at_breaks
+ * (macros): which of them end at breaks; from_start and to_end (6): powers of the way from the stops at its ends, or NULL; digits:
+ * what is not more is rounding.  Writes at every node (count) x, a, c into states (3, count); u, the derivatives of the
+ * piece's own parameter v, and v into path (5, count), u not a number where it follows from v; by how much rounding moved u; width and time from it on; its macro; and
+ * kind: 1 where u is exact, 2 at ends of macros that are no breaks. */
+void speed_law_nodes(int64_t n, const double *sigma, const double *x, const double *a, const double *c,
+                     const int64_t *macro, const int64_t *counts, int64_t macros, const double *edges, const double *u,
+                     const int64_t *piece, const double *powers, int64_t rests, const uint8_t *at_breaks,
+                     const double *from_start, const double *to_end, double digits, int64_t count, double *states,
+                     double *path, double *moved, double *width, double *time, uint8_t *kind, int64_t *of_macro);
+
+/* Rates and accelerations of u at n nodes from x, a, c and u (path: u and its derivatives, (4, n) or more); where rounding
+ * moved u, the node is the moment at which the law has the rounded one, and the times change. */
+void speed_law_rates(int64_t n, const double *states, const double *path, const double *moved, double *rate,
+                     double *acceleration, double *time);
+
+/* How far u goes from node to node (n - 1) over those widths: by Hermite's formula where the digits of u end. */
+void speed_law_advance(int64_t n, const double *width, const double *path, const double *moved, double *advance);
+
+/* Make u (n) and its steps (n - 1) agree to a digit of u; kind: 1 where u is exact.  work (4, n). */
+void speed_law_in_step(int64_t n, const uint8_t *kind, const double *time, double *advance, double *u, double *work);
+
+/* The kept nodes, those of another kind than 2: times, u, rates and accelerations into table (4, kept), steps of t and u into
+ * steps (2, kept - 1). */
+void speed_law_table(int64_t n, const uint8_t *kind, const double *time, const double *advance, const double *u,
+                     const double *rate, const double *acceleration, int64_t kept, double *table, double *steps);
 
 #endif

@@ -22,6 +22,8 @@ falls back for good is refused.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -236,32 +238,48 @@ class TimeMap:
         found[0] = np.clip(found[0], self.u[macro], self.u[macro + 1])
         return found
 
-    def rounding(self, macro: NDArray[np.intp], d: FloatArray, u: FloatArray) -> FloatArray:
-        """By how much rounding moved u (n,) next to a stop, where the quintic tells the distance from it in full; else 0.
+    def follow_native(self, path: FloatArray, v: FloatArray, macro: NDArray[np.intp]) -> None:
+        """Put u and its derivatives over sigma into ``path (4, n)``, in place, where it is the own parameter of a piece.
 
-        A path that ends at u = 1 has no parameters closer to its end than 1e-16, and a plan goes there.
+        ``path``: u where it is known, at the ends of macros (n,), and the first three derivatives of the own parameter v (n,).
         """
-        out = np.zeros_like(u)
-        section, h = self.section, np.diff(self.sigma)
-        digits = (
-            _DIGITS
-            * np.finfo(float).eps
-            * max(abs(section.u_start), abs(section.u_end), section.u_end - section.u_start)
-        )
+        if not self.has_native:
+            return
+        piece = self.piece[macro]
+        on = np.flatnonzero(piece >= 0)
+        u, q = self.section.curve.on_native(piece[on], v[on])
+        inside = np.clip(u, self.u[macro[on]], self.u[macro[on] + 1])
+        path[0, on] = np.where(np.isnan(path[0, on]), inside, path[0, on])
+        path[1:, on] = chain_rule(*speed_derivatives(q), *path[1:, on])
+
+    @cached_property
+    def has_native(self) -> bool:
+        """Whether any piece has a parameter of its own."""
+        return bool((self.piece >= 0).any())
+
+    @property
+    def arguments(self) -> tuple[Any, ...]:
+        """This map as functions of the compiled core take it."""
+        return self.piece.size, self.sigma, self.u, self.piece, self.powers, isinstance(self.section.end, Rest)
+
+    @cached_property
+    def beside_stops(self) -> tuple[FloatArray | None, FloatArray | None, float]:
+        """Powers (6,) of the way from a stop at the start, and from one at the end; what is more than rounding of u there.
+
+        A path that ends at u = 1 has no parameters closer to its end than 1e-16, and a plan goes there: next to a stop the
+        quintic tells the distance from it in full.
+        """
+        section, start, end = self.section, None, None
+        size = max(abs(section.u_start), abs(section.u_end), section.u_end - section.u_start)
         if isinstance(section.start, Rest) and self.piece[0] < 0:
-            at = np.flatnonzero((macro == 0) & (d > 0.0) & (d < h[0]))
-            c, w = self.powers[:, 0], d[at]
-            meant = w * (c[1] + w * (c[2] + w * (c[3] + w * (c[4] + w * c[5]))))
-            out[at] = (u[at] - section.u_start) - meant
+            start = self.powers[:, 0].copy()
         if isinstance(section.end, Rest) and self.piece[-1] < 0:
-            at = np.flatnonzero((macro == h.size - 1) & (d > 0.0) & (d < h[-1]))
-            ends = [self.native(np.array([h.size - 1]), np.array([x])) for x in (h[-1], 0.0)]
+            h, last = self.sigma[-1:] - self.sigma[-2:-1], np.array([self.piece.size - 1])
+            ends = [self.native(last, d) for d in (h, 0.0 * h)]
             way = self.u[-1:] - self.u[-2:-1]
-            c = quintic_coefficients(h[-1:], (0.0 * way, ends[0][1], -ends[0][2]), (way, ends[1][1], -ends[1][2]))[:, 0]
-            w = h[-1] - d[at]
-            meant = w * (c[1] + w * (c[2] + w * (c[3] + w * (c[4] + w * c[5]))))
-            out[at] = (u[at] - section.u_end) + meant
-        return np.where(np.abs(out) <= digits, out, 0.0)
+            end = quintic_coefficients(h, (0.0 * way, ends[0][1], -ends[0][2]), (way, ends[1][1], -ends[1][2]))[:, 0]
+            end = np.ascontiguousarray(end)
+        return start, end, _DIGITS * float(np.finfo(float).eps) * size
 
 
 def divided(ends: FloatArray, parts: NDArray[np.intp]) -> FloatArray:

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from cases import DRIVES
 from problems import laid_out
+from program_blocks import line, program
 from scipy.integrate import quad
 from scipy.interpolate import CubicSpline
-from utilisation_reference import follow
+from speed_law_reference import time_law
 
 from planner import load_curve
 from planner.compiled import core
@@ -19,10 +20,11 @@ from planner.law import TimeLaw
 from planner.machine.limits import Limits
 from planner.plan.ends import REST, Feed
 from planner.plan.section import Section
-from planner.plan.speed_law import SpeedLaw, _advance, _in_step
+from planner.plan.speed_law import SpeedLaw
 from planner.plan.time_knots import TimeGrid
 from planner.plan.time_map import TimeMap
 from planner.plan.utilisation import utilisation
+from planner.programs.path.smooth_path import program_path
 
 
 def law_on(curve, seed=0, intervals=40, limits=DRIVES):
@@ -48,6 +50,20 @@ def on_one_macro(powers, sigma, begin=REST):
 def at_even_speed(sigma):
     """x = 1 on these knots."""
     return SpeedLaw(sigma, np.ones(sigma.size), np.zeros(sigma.size), np.zeros(sigma.size))
+
+
+def _advance(h, u):
+    """Steps of u over lengths h, from u and its derivatives (4, n)."""
+    n, found = u.shape[1], np.empty(u.shape[1] - 1)
+    core.speed_law_advance(n, np.append(h, 0.0), np.ascontiguousarray(u), np.zeros(n), found)
+    return found
+
+
+def _in_step(u, advance, exact, dt):
+    """Steps and u in agreement."""
+    steps, nodes = advance.copy(), u.copy()
+    core.speed_law_in_step(u.size, exact.astype(np.uint8), np.append(dt, 0.0), steps, nodes, np.empty((4, u.size)))
+    return steps, nodes
 
 
 CURVES = {
@@ -333,10 +349,30 @@ def test_what_is_left_over_beyond_half_a_digit_is_spread():
     assert nodes[-1] == u[-1]
 
 
-def test_the_lazy_follower_has_the_bits_of_the_plain_one():
-    rng = np.random.default_rng(4)
-    values, bands, found, plain = rng.normal(size=200), np.abs(rng.normal(size=200)), *np.empty((2, 200))
-    core.speed_law_follow(200, values, bands, found)
-    follow(values, bands, plain)
-    np.testing.assert_array_equal(found, plain)
-    assert (np.abs(found - values) <= bands + 1e-14).all()
+# ---- by array arithmetic ---------------------------------------------------------------------------------------------
+
+
+def blended():
+    """A program with blends, which have a parameter of their own, and breaks."""
+    lines = program(line(40, 0, feed=80.0), line(40, 20), line(60, 30), line(90, 30, feed=50.0))
+    return program_path(lines, 0.05, DRIVES).curve
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("name", [*CURVES, "blended"])
+def test_nodes_are_those_of_array_arithmetic(name, seed):
+    """Every digit but where sums are made in another order: there what is spread over the steps of u, digits themselves."""
+    rng = np.random.default_rng(seed)
+    grid, counts, law, _ = law_on(blended() if name == "blended" else CURVES[name](), seed, intervals=120)
+    assert grid.map.has_native == (name == "blended")
+    counts = rng.integers(1, 5, counts.size)
+    x = law.x.copy()
+    x[rng.integers(1, x.size - 1, 3)] *= 1e-5  # dips, where the cubic is held above zero
+    law = SpeedLaw(law.sigma, x, law.a, law.c)
+    found, plain = law.time_law(grid, counts), time_law(law, grid, counts)
+    for attribute in ("t", "u_rate", "u_acceleration"):
+        np.testing.assert_array_equal(getattr(found, attribute), getattr(plain, attribute))
+    np.testing.assert_array_equal(found.steps[0], plain.steps[0])
+    digit = np.spacing(np.abs(plain.u).max())
+    assert np.abs(found.u - plain.u).max() <= digit
+    assert np.abs(found.steps[1] - plain.steps[1]).max() <= 1e-3 * digit
