@@ -241,7 +241,7 @@ class TimeMap:
     def follow_native(self, path: FloatArray, v: FloatArray, macro: NDArray[np.intp]) -> None:
         """Put u and its derivatives over sigma into ``path (4, n)``, in place, where it is the own parameter of a piece.
 
-        ``path``: u where it is known, at the ends of macros (n,), and the first three derivatives of the own parameter v (n,).
+        ``path``: u where it is known, at the ends of macros, and the first three derivatives of the own parameter v (n,).
         """
         if not self.has_native:
             return
@@ -259,7 +259,7 @@ class TimeMap:
 
     @property
     def arguments(self) -> tuple[Any, ...]:
-        """This map as functions of the compiled core take it."""
+        """What functions of the compiled core take of this map."""
         return self.piece.size, self.sigma, self.u, self.piece, self.powers, isinstance(self.section.end, Rest)
 
     @cached_property
