@@ -87,4 +87,24 @@ void speed_law_in_step(int64_t n, const uint8_t *kind, const double *time, doubl
 void speed_law_table(int64_t n, const uint8_t *kind, const double *time, const double *advance, const double *u,
                      const double *rate, const double *acceleration, int64_t kept, double *table, double *steps);
 
+/* The parameter at n places sigma of their macros, (n) each, on a map as above; into path (5, n) u, the first three derivatives of
+ * the piece's own parameter v, and v; u is not a number where it follows from v.  left (n): where the path is to be taken from
+ * the left. */
+void time_map_along(int64_t n, const double *sigma, const int64_t *macro, int64_t macros, const double *edges,
+                    const double *u, const int64_t *piece, const double *powers, int64_t rests, double *path,
+                    uint8_t *left);
+
+/* Limits at n points, those from first on of all: the largest x, which limit sets it (0 the feed, 1 the chord error, 2 and on the
+ * velocities) and by how many percent it grows with one percent of that into cap, which and power (points), coefficients of rows
+ * into acceleration (accelerations, 2, points) and jerk (rows - accelerations, 3, points), where they are times units (3).
+ *
+ * q (4, n, dim), tip (4, n, tip_dim): derivatives of axes and tip over a parameter, rates (3, n) its derivatives over sigma; feed
+ * (n) is commanded, velocity (dim), chord_error and period are limits.  Rows: the motion of each (the axes, last the arc
+ * length of the tip), its weight, and what it is divided by. */
+void rows_fill(int64_t n, int64_t dim, int64_t tip_dim, const double *q, const double *tip, const double *rates,
+               const double *feed, const double *velocity, double chord_error, double period, int64_t accelerations,
+               int64_t rows, const int64_t *motion, const double *weights, const double *scales, const double *units,
+               int64_t first, int64_t points, double *cap, uint8_t *which, float *power, double *acceleration,
+               double *jerk);
+
 #endif

@@ -25,9 +25,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.compiled import core
 from planner.geometry.curve import Curve
 from planner.geometry.differential import Triple, acceleration_terms, chain_rule, jerk_terms, speed_derivatives
-from planner.machine.feed_limits import chord_feed_limit, commanded_feed
+from planner.machine.feed_limits import chord_feed_limit, command_kind, commanded_feed
 from planner.machine.limit_rows import LimitRow, limit_rows
 from planner.machine.limits import Limits
 from planner.plan.collocation import points_of, states_between, time_weights
@@ -35,11 +36,14 @@ from planner.plan.ends import Feed, Rest
 from planner.plan.jumps import JERK_COLLOCATED, soften
 from planner.plan.section import Section, axis_weights, evaluate
 from planner.plan.time_knots import TimeGrid
+from planner.plan.time_map import TimeMap
 from planner.quantity import ACCELERATION, CHORD_ERROR, FEED, JERK, VELOCITY
 from planner.types import FloatArray, IntArray
 
 # In periods: shorter than samples tell; and how long after a stop, or before one, in the time of the law before.
 _RAMP, _RAMP_REACH = 0.5, 4.0
+_LOWERED = 1e-9
+_INTERVALS_AT_ONCE = 16_384
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,10 +67,6 @@ class GridRows:
     def times(self, factor: FloatArray | float) -> GridRows:
         """The same limits, tightened by factors of at least 1, (p,)."""
         return replace(self, r=np.ascontiguousarray(self.r * factor))
-
-    def with_more(self, other: GridRows) -> GridRows:
-        """These and others."""
-        return GridRows((*self.of, *other.of), np.concatenate([self.r, other.r]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,14 +156,13 @@ def path_at(section: Section, limits: Limits, sigma: FloatArray, u: FloatArray, 
     return _path(section.curve, limits, np.stack([u, *rates]), q, rates, left)
 
 
-def path_on(limits: Limits, grid: TimeGrid, sigma: FloatArray, macro: IntArray) -> Path:
-    """Evaluate the path on a grid at points sigma of its macros."""
-    d = grid.distances(sigma, macro)
-    u, q, rates, left = grid.map.along(macro, d)
-    over_sigma, on = np.stack([u, *rates]), np.flatnonzero(grid.map.piece[macro] >= 0)
-    if on.size:
-        over_sigma[1:, on] = chain_rule(*speed_derivatives(q[:, on]), *(rate[on] for rate in rates))
-    return _path(grid.map.section.curve, limits, over_sigma, q, rates, left)
+def path_on(limits: Limits, on: TimeMap, sigma: FloatArray, macro: IntArray) -> Path:
+    """Evaluate the path on a map at points sigma (n,) of its macros (n,)."""
+    u, q, rates, left = on.along(sigma, macro)
+    over_sigma, native = np.stack([u, *rates]), np.flatnonzero(on.piece[macro] >= 0)
+    if native.size:
+        over_sigma[1:, native] = chain_rule(*speed_derivatives(q[:, native]), *rates[:, native])
+    return _path(on.section.curve, limits, over_sigma, q, (rates[0], rates[1], rates[2]), left)
 
 
 def _path(
@@ -189,37 +188,59 @@ def _path(
     return Path(u, axes, along, curvature, feed, left)
 
 
-def build(limits: Limits, grid: TimeGrid, *, periodic: bool = False, inner: int = 3) -> tuple[Constraints, Path]:
-    """Assemble the constraints of one section on a grid, and the path at its points, ``inner`` ones in every interval."""
+@dataclass(frozen=True, eq=False)
+class Speeds:
+    """What sets the largest speed at the points of a grid, before any limit is tightened.
+
+    Attributes
+    ----------
+    which : (p,) uint8 array
+        Which of :func:`speed_limits` is the lowest; one beyond them, by ``COMMANDS``, where the curve commands the feed.
+    power : (p,) float32 array
+        By how many percent x grows with one percent of it.
+    jumps : (k,) int array
+        First knots of the double ones at which a jump of the curvature lowers the speed further.
+    step : (k, dim) array
+        The jump there of the second derivatives of the axes over sigma.
+    lowered : (k, inner + 2) bool array
+        At which of the points from one of these knots to the next.
+    """
+
+    which: NDArray[np.uint8]
+    power: NDArray[np.float32]
+    jumps: IntArray
+    step: FloatArray
+    lowered: NDArray[np.bool_]
+
+
+def build(limits: Limits, grid: TimeGrid, *, periodic: bool = False, inner: int = 3) -> tuple[Constraints, Speeds]:
+    """Assemble the constraints of one section on a grid, ``inner`` points in every interval, and what sets the speeds."""
     section, h, stride = grid.map.section, np.diff(grid.sigma), inner + 1
-    sigma, macro = points_of(grid.sigma, inner), np.repeat(grid.macro, stride)[:-inner]
-    doubled = stride * np.flatnonzero(h == 0.0)
-    empty = (doubled[:, None] + np.arange(1, stride)).reshape(-1)
-    path = path_on(limits, grid, sigma, macro)
     # sigma is the time of a law: with the mean interval for the unit of both, x is about 1
     scale = grid.map.span / grid.intervals
-    cap = speed_cap(limits, path)
-    rows_a, rows_j = acceleration_rows(limits, path), jerk_rows(limits, path)
-    rows_j = rows_j.with_more(_ramp_rows(section, limits, sigma, path)) if len(rows_j) else rows_j
-    if section.jumps:
-        _soften_jumps(section, limits, grid, path, cap, rows_j, stride)
-    rows_a.r[:, :, empty] = 0.0
-    rows_j.r[:, :, empty] = 0.0
-    start, end = (
-        (end.feed / path.tip[1, at]) ** 2 if isinstance(end, Feed) else np.nan
-        for end, at in ((section.start, 0), (section.end, -1))
+    table, points = _RowTable.of(limits, section), stride * h.size + 1
+    cap, power, which = np.empty(points), np.empty(points, dtype=np.float32), np.empty(points, dtype=np.uint8)
+    acceleration, jerk = np.empty((len(table.accelerations), 2, points)), np.empty((len(table.jerks), 3, points))
+    for first in range(0, h.size, _INTERVALS_AT_ONCE):  # some at a time, which bounds the memory
+        some = slice(first, first + _INTERVALS_AT_ONCE + 1)
+        sigma, macro = points_of(grid.sigma[some], inner), np.repeat(grid.macro[some], stride)[:-inner]
+        table.fill(limits, grid.map, sigma, macro, scale, stride * first, (cap, which, power, acceleration, jerk))
+        _ramp(table, section, limits, grid.map.span, sigma, jerk[:, :, stride * first :])
+    speeds = Speeds(
+        which, power, np.empty(0, dtype=np.intp), np.empty((0, limits.dim)), np.empty((0, stride + 1), bool)
     )
-    # s'' = s_sigma_sigma x + s_sigma a
-    slope = np.nan
-    if isinstance(section.start, Feed) and section.start.acceleration is not None:
-        slope = (section.start.acceleration - path.tip[2, 0] * start) / path.tip[1, 0]
-    # a = a* / scale, c = c* / scale^2
-    units = scale ** -np.arange(3.0)[None, :, None]
+    if section.jumps:
+        speeds = _soften_jumps(section, limits, grid, cap, jerk, speeds)
+    doubled = stride * np.flatnonzero(h == 0.0)
+    for k in range(1, stride):
+        acceleration[:, :, doubled + k] = 0.0
+        jerk[:, :, doubled + k] = 0.0
+    start, end, slope = _prescribed(limits, grid)
     constraints = Constraints(
         h=h / scale,
         cap=cap,
-        acceleration=rows_a.times(units[:, :2]),
-        jerk=rows_j.times(units),
+        acceleration=GridRows(table.accelerations, acceleration),
+        jerk=GridRows(table.jerks, jerk),
         weight=time_weights(h, inner) / scale,
         start=start,
         end=end,
@@ -230,7 +251,95 @@ def build(limits: Limits, grid: TimeGrid, *, periodic: bool = False, inner: int 
         time_unit=scale,
         inner=inner,
     )
-    return constraints, path
+    return constraints, speeds
+
+
+@dataclass(frozen=True, eq=False)
+class _RowTable:
+    """The limits on accelerations and jerks, those of ramps last, as compiled code takes them."""
+
+    accelerations: tuple[LimitRow, ...]
+    jerks: tuple[LimitRow, ...]
+    ramps: int
+    motions: NDArray[np.int64]
+    weights: FloatArray
+    scales: FloatArray
+
+    @classmethod
+    def of(cls, limits: Limits, section: Section) -> _RowTable:
+        rows = limit_rows(limits)
+        accelerations = tuple(row for row in rows if row.order == ACCELERATION.order)
+        jerks = tuple(row for row in rows if row.order == JERK.order)
+        ramps = tuple(row for row in rows if row.quantity is ACCELERATION and not np.isfinite(limits.jerk[row.motion]))
+        ramps = ramps if jerks and (isinstance(section.start, Rest) or isinstance(section.end, Rest)) else ()
+        every = (*accelerations, *jerks, *ramps)
+        weights = [row.weights[row.order - 1] for row in (*accelerations, *jerks)]
+        return cls(
+            accelerations,
+            (*jerks, *ramps),
+            len(ramps),
+            np.array([row.motion for row in every], dtype=np.int64),
+            np.array([*weights, *[_RAMP * limits.period] * len(ramps)]),
+            np.array([row.scale for row in every]),
+        )
+
+    def fill(
+        self,
+        limits: Limits,
+        on: TimeMap,
+        sigma: FloatArray,
+        macro: IntArray,
+        scale: float,
+        first: int,
+        out: tuple[FloatArray, NDArray[np.uint8], NDArray[np.float32], FloatArray, FloatArray],
+    ) -> None:
+        """Write the limits at points sigma, those from ``first`` on, into ``out``; a = a* / scale, c = c* / scale^2."""
+        curve = on.section.curve
+        u, q, rates, left = on.along(sigma, macro)
+        tip = q if curve.tip is curve else evaluate(curve.tip, u, left)
+        feed = commanded_feed(curve, limits, u, left)
+        cap, which, power, acceleration, jerk = out
+        core.rows_fill(
+            *(sigma.size, q.shape[2], tip.shape[2], q, tip, rates, feed),
+            *(limits.velocity, limits.chord_error, limits.period),
+            *(len(self.accelerations), self.motions.size, self.motions, self.weights, self.scales),
+            *(scale ** -np.arange(3.0), first, cap.size, cap, which, power, acceleration, jerk),
+        )
+        if curve.feed_caps is not None:
+            some = which[first : first + sigma.size]
+            command = command_kind(curve, limits, u, left)
+            commanded = (some == 0) & (command > 0)
+            some[commanded] = 1 + limits.dim + command[commanded]
+
+
+def _ramp(table: _RowTable, section: Section, limits: Limits, span: float, sigma: FloatArray, jerk: FloatArray) -> None:
+    """Keep the jerk rows of ramps next to the stops only, in place.
+
+    They are of axes that have an acceleration limit but none of the jerk.  Such an axis may leave a stop at full
+    acceleration, but the law of a plan begins with none: without a ramp its quintic would overshoot, however short the
+    interval.  The ramp takes _RAMP periods.
+    """
+    if not table.ramps:
+        return
+    away = [np.abs(sigma - at) for at, end in ((0.0, section.start), (span, section.end)) if isinstance(end, Rest)]
+    jerk[-table.ramps :, :, : sigma.size] *= np.min(away, axis=0) < _RAMP_REACH * limits.period
+
+
+def _prescribed(limits: Limits, grid: TimeGrid) -> tuple[float, float, float]:
+    """X at the ends and a at the first, by the feeds and the acceleration asked for there; nan where nothing is."""
+    section, ends = grid.map.section, np.array([0, grid.sigma.size - 1])
+    if not section.has_prescribed_feed:
+        return np.nan, np.nan, np.nan
+    path = path_on(limits, grid.map, grid.sigma[ends], grid.macro[ends])
+    start, end = (
+        (end.feed / path.tip[1, at]) ** 2 if isinstance(end, Feed) else np.nan
+        for end, at in ((section.start, 0), (section.end, -1))
+    )
+    # s'' = s_sigma_sigma x + s_sigma a
+    slope = np.nan
+    if isinstance(section.start, Feed) and section.start.acceleration is not None:
+        slope = (section.start.acceleration - path.tip[2, 0] * start) / path.tip[1, 0]
+    return start, end, slope
 
 
 def speed_limits(limits: Limits, path: Path) -> dict[str, FloatArray]:
@@ -268,30 +377,21 @@ def _with_motions(of: tuple[LimitRow, ...], path: Path) -> list[tuple[LimitRow, 
     return [(row, path.tip if row.along else path.axes[:, :, row.motion]) for row in of]
 
 
-def _ramp_rows(section: Section, limits: Limits, sigma: FloatArray, path: Path) -> GridRows:
-    """Jerk rows, next to the stops only, of axes that have an acceleration limit but none of the jerk.
-
-    Such an axis may leave a stop at full acceleration, but the law of a plan begins with none: without a ramp its quintic
-    would overshoot, however short the interval.  The ramp takes _RAMP periods.
-    """
-    away = [np.abs(sigma - sigma[at]) for at, end in ((0, section.start), (-1, section.end)) if isinstance(end, Rest)]
-    near = np.min([np.full(sigma.size, np.inf), *away], axis=0) < _RAMP_REACH * limits.period
-    of = tuple(
-        row for row in limit_rows(limits) if row.quantity is ACCELERATION and not np.isfinite(limits.jerk[row.motion])
-    )
-    found = [
-        jerk_terms(q[1], q[2], q[3]) * near * _RAMP * limits.period / row.scale for row, q in _with_motions(of, path)
-    ]
-    return GridRows(of, np.array(found).reshape(len(of), 3, sigma.size))
-
-
 def _soften_jumps(
-    section: Section, limits: Limits, grid: TimeGrid, path: Path, cap: FloatArray, rows_j: GridRows, stride: int
-) -> None:
-    """Lower the cap at curvature jumps, and the jerk that is left beside them."""
+    section: Section, limits: Limits, grid: TimeGrid, cap: FloatArray, jerk: FloatArray, speeds: Speeds
+) -> Speeds:
+    """Lower the cap at curvature jumps, and the jerk that is left beside them, in place; says where the first counts."""
+    stride = (cap.size - 1) // (grid.sigma.size - 1)
     first = grid.left[np.searchsorted(grid.map.u[1:], [b.u for b in section.jumps])]
     # The tip's arc length bends with the axes where these are weighted: sigma is that of the machine axes.
-    every = np.concatenate([path.axes, path.tip[:, :, None]], axis=2)
-    step = every[2, stride * (first + 1)] - every[2, stride * first]
-    beside = soften(limits, grid.sigma, first, step, cap)
-    rows_j.r[:, :, beside] /= JERK_COLLOCATED
+    before, after = (
+        np.concatenate([path.axes[2], path.tip[2][:, None]], axis=1)
+        for path in (path_on(limits, grid.map, grid.sigma[at], grid.macro[at]) for at in (first, first + 1))
+    )
+    points = stride * first[:, None] + np.arange(stride + 1)
+    lowest = cap[points]
+    beside = soften(limits, grid.sigma, first, after - before, cap)
+    jerk[:, :, beside] /= JERK_COLLOCATED
+    lowered = cap[points] < lowest * (1.0 - _LOWERED)
+    some = lowered[:, 1]
+    return replace(speeds, jumps=first[some], step=(after - before)[some, :-1], lowered=lowered[some])

@@ -27,12 +27,11 @@ from numpy.typing import NDArray
 from planner.geometry.differential import dot
 from planner.machine.feed_limits import COMMANDS
 from planner.machine.limits import Limits
-from planner.plan.rows import Constraints, Path, speed_limits
+from planner.plan.rows import Speeds
 from planner.plan.solvers.interior import Iterate
-from planner.quantity import CHORD_ERROR, FEED, JERK
+from planner.quantity import CHORD_ERROR, FEED, JERK, VELOCITY
 
 _PERCENT = 0.01
-_LOWERED = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,36 +43,22 @@ class SpeedBound:
     """
 
     names: tuple[str, ...]
-    which: NDArray[np.int8]
+    which: NDArray[np.uint8]
     power: NDArray[np.float32]
 
     @classmethod
-    def of(cls, limits: Limits, path: Path, problem: Constraints, command: NDArray[np.int8]) -> SpeedBound:
-        """At the points of a problem, before its limits are tightened; ``command (p,)``: see ``limits.command_kind``."""
-        bounds = speed_limits(limits, path)
-        names = (*bounds, *COMMANDS[1:], *(JERK.of(axis) for axis in limits.axes))
-        at_jumps = len(names) - limits.dim
-        stacked = np.stack(list(bounds.values()))
-        which, lowest = np.argmin(stacked, axis=0), stacked.min(axis=0)
-        power = np.where(np.isfinite(lowest), 2.0, 0.0).astype(np.float32)
-        at = np.flatnonzero(which == names.index(CHORD_ERROR.label))
-        radius = 1.0 / path.curvature[at]
-        error = np.minimum(limits.chord_error, radius)
-        power[at] = 2.0 * (radius - error) / (2.0 * radius - error)
-        commands = np.array([names.index(name) for name in COMMANDS])
-        which = np.where(which == names.index(FEED.label), commands[command], which)
-        per_x = (problem.length_unit / problem.time_unit) ** 2
-        lowered = problem.cap * per_x < lowest**2 * (1.0 - _LOWERED)
-        stride = problem.inner + 1
-        jump = stride * np.flatnonzero((problem.h == 0.0) & lowered[1::stride])
-        step = np.abs(path.axes[2, jump + stride] - path.axes[2, jump])
+    def of(cls, limits: Limits, speeds: Speeds) -> SpeedBound:
+        """At the points of a problem, before its limits are tightened."""
+        velocities = [VELOCITY.of(axis) for axis in limits.axes]
+        names = (FEED.label, CHORD_ERROR.label, *velocities, *COMMANDS[1:], *(JERK.of(axis) for axis in limits.axes))
+        which, power, stride = speeds.which, speeds.power, speeds.lowered.shape[1] - 1
         with np.errstate(divide="ignore"):
-            axis = np.argmin(limits.jerk / step, axis=1)
-        for k in range(stride + 1):
-            here = jump + k
-            which[here] = np.where(lowered[here], at_jumps + axis, which[here])
-            power[here] = np.where(lowered[here], 1.0, power[here])
-        return cls(names, which.astype(np.int8), power)
+            axis = np.argmin(limits.jerk / np.abs(speeds.step), axis=1)
+        for k, lowered in enumerate(speeds.lowered.T):
+            here = stride * speeds.jumps[lowered] + k
+            which[here] = len(names) - limits.dim + axis[lowered]
+            power[here] = 1.0
+        return cls(names, which, power)
 
 
 def saved_by_one_percent(iterate: Iterate, bound: SpeedBound) -> dict[str, float]:

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from planner.errors import InfeasibleError, SolverError
 from planner.law import TimeLaw
-from planner.machine.feed_limits import command_kind
 from planner.machine.limits import Limits
 from planner.plan.collocation import points_of
 from planner.plan.ends import Feed, feed_at
@@ -157,13 +156,13 @@ class Stage:
     def on(cls, task: Task, grid: TimeGrid, holds: Holds = NO_HOLDS) -> Stage:
         """Build the constraints on a grid."""
         inner = _INNER if task.method == "optimal" else 1
-        problem, path = build(task.limits, grid, periodic=task.periodic, inner=inner)
-        command = command_kind(task.section.curve, task.limits, path.u[0], path.left)
-        speed = SpeedBound.of(task.limits, path, problem, command)
+        problem, speeds = build(task.limits, grid, periodic=task.periodic, inner=inner)
+        speed = SpeedBound.of(task.limits, speeds)
         if task.prescribed:
             problem = _tightened(problem, *[1.0 + _PRESCRIBED_MARGIN] * 3)
         if task.section.reserve:
-            problem = _tightened(problem, *[1.0 / task.section.usable(path.u[0])] * 3)
+            u = grid.map.along(points_of(grid.sigma, inner), np.repeat(grid.macro, inner + 1)[:-inner])[0]
+            problem = _tightened(problem, *[1.0 / task.section.usable(u)] * 3)
         if holds.x.size:
             problem = replace(problem, cap=np.minimum(problem.cap, holds.caps(points_of(grid.sigma, inner))))
         return cls(grid, problem, _node_counts(task, grid), speed, holds)

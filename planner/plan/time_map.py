@@ -28,14 +28,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.compiled import core
 from planner.errors import SolverError
-from planner.geometry.differential import Triple, chain_rule, rates_of_parameter, speed_derivatives
+from planner.geometry.differential import chain_rule, rates_of_parameter, speed_derivatives
 from planner.law import TimeLaw, quintic_coefficients
 from planner.machine.limits import Limits
 from planner.plan.ends import Free, Rest
 from planner.plan.guess import FeedGuess
 from planner.plan.section import Section, axis_weights
-from planner.types import FloatArray
+from planner.types import BoolArray, FloatArray, IntArray
 
 _HALVINGS = 8
 _CHECKED = 64  # points of a macro at which it must grow, where that is in doubt
@@ -195,34 +196,35 @@ class TimeMap:
             first[stop] = second[stop] = 0.0
         return v, first, second, 6.0 * c[3] + d * (24.0 * c[4] + d * 60.0 * c[5])
 
-    def along(self, macro: NDArray[np.intp], d: FloatArray) -> tuple[FloatArray, FloatArray, Triple, NDArray[np.bool_]]:
-        """The path at the distances d (n,) from the starts of macros (n,).
+    def along(self, sigma: FloatArray, macro: IntArray) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
+        """The path at places sigma (n,) of macros (n,).
 
         Returns
         -------
         u : (n,) array
         q : (4, n, dim) array
             Position of the axes and its derivatives over v, one-sided at the ends of a macro.
-        rates : three (n,) arrays
+        rates : (3, n) array
             Derivatives of v over sigma.
         left : (n,) bool array
             Where the path is taken from the left: at the end of a macro, or so close to it that u rounds to it.
         """
-        curve, piece = self.section.curve, self.piece[macro]
-        v, *rates = self.native(macro, d)
-        last = d >= (self.sigma[macro + 1] - self.sigma[macro])
-        u = np.where(last, self.u[macro + 1], np.where(d <= 0.0, self.u[macro], v))
+        n, curve = sigma.size, self.section.curve
+        path, left = np.empty((5, n)), np.empty(n, dtype=np.bool_)
+        core.time_map_along(n, sigma, macro, *self.arguments, path, left)
+        u, v = path[0], path[4]
+        if not self.has_native:
+            return u, curve.pieces.evaluate(u, 3, left), path[1:4], left
+        piece = self.piece[macro]
         on = np.flatnonzero(piece >= 0)
-        if on.size:
-            v[on] = np.where(last[on], curve.native_parameter(piece[on], self.u[macro[on] + 1]), v[on])
-            inside, of_blends = curve.on_native(piece[on], v[on])
-            u[on] = np.where(last[on] | (d[on] <= 0.0), u[on], inside)
-        u = np.clip(u, self.u[macro], self.u[macro + 1])
-        left = last | (u >= self.u[macro + 1])
+        lo, hi = self.u[macro[on]], self.u[macro[on] + 1]
+        v[on[left[on]]] = curve.native_parameter(piece[on[left[on]]], hi[left[on]])
+        inside, of_blends = curve.on_native(piece[on], v[on])
+        u[on] = np.where(np.isnan(u[on]), np.clip(inside, lo, hi), u[on])
+        left[on] |= u[on] >= hi
         q = curve.pieces.evaluate(u, 3, left)
-        if on.size:
-            q[:, on] = of_blends
-        return u, q, (rates[0], rates[1], rates[2]), left
+        q[:, on] = of_blends
+        return u, q, path[1:4], left
 
     def parameter(self, macro: NDArray[np.intp], d: FloatArray) -> FloatArray:
         """U and its first three derivatives over sigma, (4, n), at the distances d (n,) from the starts of macros (n,)."""

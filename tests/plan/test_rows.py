@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 from cases import DRIVES, drives, line_arc_line, mill
 from problems import laid_out
+from program_blocks import line as block
+from program_blocks import program, rapid
 from strategies import derivatives_of, oracle
 
 from planner import load_curve
@@ -12,12 +14,15 @@ from planner.geometry.curve import Pieces
 from planner.geometry.differential import chain_rule
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
-from planner.machine.feed_limits import chord_feed_limit
+from planner.machine.feed_limits import COMMANDS, chord_feed_limit, command_kind
 from planner.machine.limits import Limits
 from planner.machine.machine_file import load_limits
+from planner.plan import rows
 from planner.plan.collocation import points_of
-from planner.plan.rows import acceleration_rows, build, jerk_rows, path_at, speed_cap
+from planner.plan.rows import acceleration_rows, build, jerk_rows, path_at, path_on, speed_cap, speed_limits
 from planner.plan.section import cut
+from planner.plan.sensitivity import SpeedBound
+from planner.programs.path.smooth_path import program_path
 
 TANGENTIAL = {"tangential_acceleration": 700.0, "tangential_jerk": 9000.0}
 LIMITS = Limits(120.0, [250.0, 200.0], [1000.0, 800.0], [20000.0, 30000.0], 1e-3, **TANGENTIAL)
@@ -31,8 +36,8 @@ def exact_formula(u):
 def rows_of(curve, limits, intervals=64, *, inner=1, **options):
     """Section, grid, and the arrays a solver sees with the path below them."""
     section, _, grid = laid_out(curve, limits, intervals, **options)
-    constraints, path = build(limits, grid, periodic=options.get("periodic", False), inner=inner)
-    return section, grid, constraints, path
+    constraints, _ = build(limits, grid, periodic=options.get("periodic", False), inner=inner)
+    return section, grid, constraints, path_on(limits, grid.map, *places_of(grid, inner))
 
 
 def places_of(grid, inner=1):
@@ -79,7 +84,7 @@ def test_the_chain_rule_itself_costs_nothing(formula_path, monkeypatch):
     """The same on the formula in place of its pieces: to 1e-12, 1e-11 and 1e-10."""
     _, grid, _, _, d = formula_path
     monkeypatch.setattr(Pieces, "evaluate", lambda _pieces, u, order, _left: FORMULA.derivatives(u, order))
-    path = build(LIMITS, grid, inner=1)[1]
+    path = path_on(LIMITS, grid.map, *places_of(grid))
     for k, accuracy in ((0, 1e-13), (1, 1e-12), (2, 1e-11), (3, 1e-10)):
         assert path.axes[k] == pytest.approx(d[k], abs=accuracy * np.abs(d[k]).max())
 
@@ -161,6 +166,82 @@ def test_velocity_and_acceleration_go_on_at_double_knots(name):
     if name == "circle":
         at = double[grid.at_breaks[:-1]]
         assert np.abs(path.u[2, 2 * at + 2] - path.u[2, 2 * at]).max() > 1e-3 * np.abs(path.u[2]).max()
+
+
+# ---- compiled rows against array arithmetic ------------------------------------------------------------------------
+
+
+def program_of(*blocks):
+    """A program, with blends that have a parameter of their own, and feeds that it commands."""
+    return program_path(program(*blocks), 0.05, DRIVES).curve
+
+
+BENDS = (block(40, 0, feed=100.0), block(60, 20, feed=50.0), block(100, 20), block(120, 60, feed=100.0))
+FREE = [np.inf] * 2
+FILLED = {
+    "formula": lambda: (FORMULA, LIMITS),
+    "nurbs": lambda: (load_curve("butterfly-nurbs"), drives(120.0, chord_error=1e-4)),
+    "blends": lambda: (program_of(*BENDS), drives(80.0, chord_error=1e-3, **TANGENTIAL)),
+    "rapid": lambda: (program_of(rapid(40, 0)), drives(80.0, rapid=150.0)),
+    "five axes": lambda: (load_curve("flank"), load_limits("five-axis")),
+    "ramp": lambda: (FORMULA, Limits(120.0, FREE, [1000.0, 800.0], [20000.0, np.inf], period=5e-3)),
+    "jerk alone": lambda: (FORMULA, Limits(np.inf, FREE, FREE, [20000.0, 8000.0])),
+    "speed alone": lambda: (FORMULA, Limits(120.0, [100.0, np.inf], FREE, FREE, chord_error=1e-3)),
+}
+
+
+def near(found, exact):
+    """Equal but for the order in which a sum of three or a product of five is made."""
+    assert found.shape == exact.shape
+    size = np.abs(exact).max(axis=-1, keepdims=True) if exact.size else 0.0
+    assert (np.abs(found - exact) <= 1e-14 * size).all()
+
+
+@pytest.mark.parametrize("inner", [1, 3])
+@pytest.mark.parametrize("name", FILLED)
+def test_rows_are_those_of_array_arithmetic(name, inner, monkeypatch):
+    """Also where the points are taken some at a time."""
+    curve, limits = FILLED[name]()
+    monkeypatch.setattr(rows, "_INTERVALS_AT_ONCE", 97)
+    _, _, grid = laid_out(curve, limits, 300)
+    constraints, speeds = build(limits, grid, inner=inner)
+    sigma, macro = places_of(grid, inner)
+    path = path_on(limits, grid.map, sigma, macro)
+    asked = np.ones(sigma.size, dtype=bool)
+    for k in range(1, inner + 1):
+        asked[(inner + 1) * np.flatnonzero(constraints.h == 0.0) + k] = False
+    units = constraints.length_unit ** -np.arange(3.0)[:, None]
+    plain = acceleration_rows(limits, path).r * units[:2]
+    near(constraints.acceleration.r[:, :, asked], plain[:, :, asked])
+    assert not constraints.acceleration.r[:, :, ~asked].any()
+    plain = jerk_rows(limits, path).r * units
+    near(constraints.jerk.r[: len(plain), :, asked], plain[:, :, asked])
+    assert not constraints.jerk.r[:, :, ~asked].any()
+    assert len(constraints.jerk) == len(plain) + (name == "ramp")
+    if name == "ramp":
+        close = np.minimum(sigma, grid.map.span - sigma) < 4.0 * limits.period
+        alpha, beta = (acceleration_rows(limits, path).r * 0.5 * limits.period)[1]
+        exact = np.stack([path.axes[3, :, 1] * 0.5 * limits.period / 800.0, 3.0 * alpha, beta]) * units * close
+        near(constraints.jerk.r[-1][:, asked], exact[:, asked])
+        assert close.any()
+        assert not close.all()
+    found = speed_limits(limits, path)
+    assert constraints.cap == pytest.approx(speed_cap(limits, path), rel=4e-15)
+    lowest = np.stack(list(found.values())).min(axis=0)
+    kind = command_kind(curve, limits, path.u[0], path.left)
+    names = SpeedBound.of(limits, speeds).names
+    tie = np.sort(np.stack(list(found.values())), axis=0)
+    clear = asked & ((tie[1] > tie[0] * (1.0 + 1e-12)) if len(tie) > 1 else True)
+    assert clear.any() or name == "jerk alone"
+    for k in np.flatnonzero(clear):
+        expected = list(found)[int(np.argmin([row[k] for row in found.values()]))]
+        expected = COMMANDS[kind[k]] if expected == "feed" and kind[k] else expected
+        assert names[speeds.which[k]] == expected
+    at_chord = (speeds.which == 1) & clear
+    ratio = np.minimum(limits.chord_error * path.curvature[at_chord], 1.0)
+    assert speeds.power[at_chord] == pytest.approx(2.0 * (1.0 - ratio) / (2.0 - ratio), rel=1e-6)
+    other = clear & ~at_chord
+    assert np.array_equal(speeds.power[other], np.where(np.isfinite(lowest[other]), 2.0, 0.0))
 
 
 # ---- scaling, weights, caps, ends ----------------------------------------------------------------------------------

@@ -240,8 +240,7 @@ def test_at_a_jump_the_axis_across_the_path_has_the_step(angle: float, binding: 
     curve = NurbsCurve(points, [0, 0, 0, 1, 1, 2, 2, 2], 2, [1, 1, 1, np.sqrt(0.5), 1])
     limits = drives(500.0)
     _, _, grid = laid_out(curve, limits, 40, parts=10)
-    problem, path = build(limits, grid, inner=1)
-    bound = SpeedBound.of(limits, path, problem, np.zeros(path.u.shape[1], dtype=np.int8))
+    bound = SpeedBound.of(limits, build(limits, grid, inner=1)[1])
     (jump,) = 2 * grid.left[:-1][grid.at_breaks[:-1]]
     names = [bound.names[k] for k in bound.which[jump - 1 : jump + 4]]
     assert names[1:4] == [f"jerk {binding}"] * 3
