@@ -44,13 +44,16 @@ from planner.types import Progress
 DEFAULT_INTERVALS = 1000
 MIN_INTERVALS = 24
 _MIN_INTERVALS = 200  # of one section among several
+# How many times coarser than the grid that is asked for those of the guess and of the even solve are.
+_COARSER_GUESS, _COARSER_EVEN = 4, 2
 # Intervals to a macro of the guess, at least in all, and relative gaps of the coarse solves and of the first fine one.
 _PER_GUESSED, _MIN_COARSE = 8, 200
 _COARSE_GAP, _EVEN_GAP, _ROUGH_GAP = 1e-2, 1e-4, 1e-4
-# Where the number of intervals is free: so many for a change of the jerk by its limit, at most so many times the usual.
-_PER_CHANGE, _MAX_FOR_CHANGES = 15.0, 4
+# Where the number of intervals is free: so many for a change of the jerk by its limit, by the points inside one, and at most
+# so many times the usual.
+_PER_CHANGE, _MAX_FOR_CHANGES = {1: 24.0, 3: 15.0}, 4
 # A plan that needs more slowing down than this at the end is refined first.
-_ACCEPTED_SLOWDOWN = 1.000002
+_ACCEPTED_SLOWDOWN = 1.000005
 _MAX_ROUNDS, _CHORD_ROUNDS = 12, 16
 # Intervals times iterations of all rounds, at most: some seconds.
 _MAX_WORK, _WORK_PER_INTERVAL, _USUAL_ITERATIONS = 2_000_000, 1200, 60
@@ -328,7 +331,8 @@ class Round:
 def first_stage(task: Task, effort: Effort, most: int, *, follow: bool) -> tuple[Stage, Attempt, float]:
     """The grid to begin with, placed in the time of a coarser plan; that plan; and the computing time of it, s.
 
-    Two coarse solves come before: the first on a map of the guess, the second on an even grid in the time of the first.
+    Two coarse solves come before: the first on a map of the guess, the second on an even grid in the time of the first.  On
+    blends the second has as many intervals as these need, so that it tells where the jerk switches.
     """
     section, wanted = task.section, effort.intervals
 
@@ -336,7 +340,8 @@ def first_stage(task: Task, effort: Effort, most: int, *, follow: bool) -> tuple
         law = plan.time_law(found)
         changes = plan.jerk_changes(found, law)
         if effort.free and not even:
-            intervals = int(np.clip(_PER_CHANGE * changes.change.sum(), intervals, _MAX_FOR_CHANGES * intervals))
+            per_change = _PER_CHANGE[plan.problem.inner]
+            intervals = int(np.clip(per_change * changes.change.sum(), intervals, _MAX_FOR_CHANGES * intervals))
         return place_in_time(
             section,
             law,
@@ -349,12 +354,16 @@ def first_stage(task: Task, effort: Effort, most: int, *, follow: bool) -> tuple
             follow=follow,
         )
 
-    count = max(_MIN_COARSE, wanted) // _PER_GUESSED
+    count = max(_MIN_COARSE, wanted // _COARSER_GUESS) // _PER_GUESSED
     on = TimeMap.from_guess(section, task.limits, task.guess, breaks_inside(section), count)
     stage = Stage.on(task, TimeGrid.even(on, _PER_GUESSED))
     attempt = stage.solve(task, None, _COARSE_GAP)
     spent = attempt.work.solve_cpu_s
-    between = max(_MIN_COARSE, wanted, min(2 * wanted, section.curve.intervals_needed(section.u_start, section.u_end)))
+    between = max(
+        _MIN_COARSE,
+        wanted // _COARSER_EVEN,
+        min(2 * wanted, section.curve.intervals_needed(section.u_start, section.u_end)),
+    )
     stage = Stage.on(task, placed(stage, attempt, between, even=True))
     attempt = stage.solve(task, replace(attempt, waypoint=None), _EVEN_GAP)
     spent += attempt.work.solve_cpu_s

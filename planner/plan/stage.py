@@ -29,7 +29,11 @@ from planner.status import Status, Work
 from planner.types import FloatArray, IntArray, Progress
 
 _MIN_GUESS = 1e-6
-_INNER = 3  # points inside an interval; a reference by other methods has one
+# Points inside an interval: one, but three where a path has blends, each of which few intervals have to pass.  On other
+# curves three are no nearer to the optimum than one with as much computing time.
+_INNER, _INNER_OF_BLENDS = 1, 3
+# sum(s l) at the start as a share of the time, from a guess and from a law.
+_FROM_GUESS, _FROM_LAW = 0.2, 0.03
 _NODES = 2  # of the time law, an interval at least
 # Beyond the first the grid is too coarse somewhere, and is halved wherever it is beyond the last; below, tightening the
 # limits locally is enough.  Where the number of intervals is given, only what is beyond the second is refined.
@@ -39,7 +43,7 @@ WORTH_SAYING = 1.001
 TIGHTENING_ROUNDS = 5
 _PROGRESS = 0.99  # of the slowing down, from round to round: less than that is none
 _MARGIN_STEP = 2e-5
-_NEIGHBOUR = 0.3
+_NEIGHBOUR = 0.6
 _PRESCRIBED_MARGIN = 2e-6
 _CONTINUED_GAIN = 2.0
 # An interior point needs room above a feed that is prescribed at its limit.
@@ -155,7 +159,7 @@ class Stage:
     @classmethod
     def on(cls, task: Task, grid: TimeGrid, holds: Holds = NO_HOLDS) -> Stage:
         """Build the constraints on a grid."""
-        inner = _INNER if task.method == "optimal" else 1
+        inner = _INNER_OF_BLENDS if grid.map.has_native and task.method == "optimal" else _INNER
         problem, speeds = build(task.limits, grid, periodic=task.periodic, inner=inner)
         speed = SpeedBound.of(task.limits, speeds)
         if task.prescribed:
@@ -325,7 +329,7 @@ def _run(
     return optimal.solve_interior(
         problem,
         waypoint or optimal.start_from(problem, problem.guess),
-        centring=0.1 if has_law else 0.2,
+        centring=_FROM_LAW if has_law else _FROM_GUESS,
         tolerance=tolerance,
         deadline=task.deadline,
         progress=task.progress,
