@@ -248,6 +248,8 @@ def _require_closed(curve: Curve, start_feed: float, end_feed: float) -> None:
 
 def _shares(sections: list[Section]) -> FloatArray:
     """Share of each section in the length of the tool path; of the parameter where the tip does not move."""
+    if len(sections) == 1:
+        return np.ones(1)
     u = np.array([section.u_start for section in sections] + [sections[-1].u_end])
     lengths = np.diff(sections[0].curve.arclength.s(u))
     lengths = lengths if lengths.sum() > 0.0 else np.diff(u)

@@ -21,6 +21,7 @@ units gives the same arrays.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,7 +60,7 @@ class GridRows:
     def __len__(self) -> int:
         return len(self.of)
 
-    @property
+    @cached_property
     def bounds(self) -> FloatArray:
         """Sizes (m, 2) of the upper and of the lower bound of the scaled rows."""
         return np.array([(upper, -lower) for lower, upper in (row.bounds for row in self.of)]).reshape(-1, 2)

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.geometry.differential import dot
+from planner.compiled import core
 from planner.machine.feed_limits import COMMANDS
 from planner.machine.limits import Limits
 from planner.plan.rows import Speeds
@@ -76,14 +76,16 @@ def saved_by_one_percent(iterate: Iterate, bound: SpeedBound) -> dict[str, float
     dict
         By the names of ``FeedrateProfile.limit_names``, "programmed feed" and "rapid"; unit of the problem's time.
     """
-    # row by row: a long path has no memory to spare
-    pace, problem = iterate.pace(), iterate.problem
+    problem = iterate.problem
+    every = (*problem.acceleration.of, *problem.jerk.of)
+    by_speed, by_row = np.zeros(len(bound.names)), np.zeros(len(every))
+    core.sensitivity_sums(
+        *(problem.h.size, problem.h, problem.inner, iterate.z, len(problem.acceleration), len(every), iterate.pairs),
+        *(bound.which, bound.power, by_speed, by_row),
+    )
     # the speed row is the lowest of several limits at each point
-    by_name = np.bincount(bound.which, iterate.multipliers(0) * bound.power, len(bound.names))
-    saved = dict(zip(bound.names, by_name.tolist(), strict=True))
-    for k, of in enumerate((*problem.acceleration.of, *problem.jerk.of)):
-        both = iterate.multipliers(1 + 2 * k) + iterate.multipliers(2 + 2 * k)
+    saved = dict(zip(bound.names, by_speed.tolist(), strict=True))
+    for of, worth in zip(every, by_row.tolist(), strict=True):
         # both bounds of a scaled row move by as much as the limit
-        worth = float(dot(both, pace)) if of.order == JERK.order else float(both.sum())
         saved[of.name] = saved.get(of.name, 0.0) + worth
     return {name: _PERCENT * value for name, value in saved.items() if value > 0.0}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -171,14 +172,31 @@ class Stage:
             problem = replace(problem, cap=np.minimum(problem.cap, holds.caps(points_of(grid.sigma, inner))))
         return cls(grid, problem, _node_counts(task, grid), speed, holds)
 
+    @cached_property
+    def _full(self) -> NDArray[np.bool_]:
+        """Intervals (n - 1,) that are not empty."""
+        return np.diff(self.grid.sigma) > 0.0
+
+    @cached_property
+    def _starts(self) -> tuple[IntArray, NDArray[np.bool_]]:
+        """Where the values between the nodes of the time law begin that belong to one interval, and which of these are full.
+
+        The two nodes of a break have nothing between them: such values come after those of the macro that ends there.
+        """
+        at_breaks = self.grid.at_breaks[:-1]
+        before = np.append(0, np.cumsum(at_breaks))
+        starts = np.cumsum(self.counts) - self.counts + before[self.grid.macro[:-1][self._full]]
+        nodes = np.cumsum(self.counts)[np.searchsorted(np.flatnonzero(self._full), self.grid.left[:-1]) - 1]
+        gaps = nodes[at_breaks] + np.arange(np.count_nonzero(at_breaks))
+        every = np.concatenate([starts, gaps])
+        order = np.argsort(every, kind="stable")
+        return every[order], order < starts.size
+
     def by_interval(self, values: FloatArray) -> FloatArray:
         """Largest value in each interval of the grid, 0 for empty ones, from those between the nodes of the time law."""
-        full = np.diff(self.grid.sigma) > 0.0
-        # the two nodes of a break have nothing between them: such values come after those of the macro that ends there
-        ends = np.cumsum(self.counts)[np.searchsorted(np.flatnonzero(full), self.grid.left) - 1]
-        ends = ends[self.grid.at_breaks][:-1] + np.arange(np.count_nonzero(self.grid.at_breaks) - 1)
-        out = np.zeros(full.size)
-        out[full] = np.maximum.reduceat(np.delete(values, ends), np.cumsum(self.counts) - self.counts)
+        starts, full = self._starts
+        out = np.zeros(self._full.size)
+        out[self._full] = np.maximum.reduceat(values, starts)[full]
         return out
 
     def time_law(self, attempt: Attempt) -> TimeLaw:
@@ -187,11 +205,9 @@ class Stage:
 
     def knot_times(self, law: TimeLaw) -> FloatArray:
         """When the law of an attempt on this grid passes its knots, (n,), s."""
-        full = np.diff(self.grid.sigma) > 0.0
-        steps = np.zeros(full.size)
-        ends = np.cumsum(self.counts)[np.searchsorted(np.flatnonzero(full), self.grid.left) - 1]
-        ends = ends[self.grid.at_breaks][:-1] + np.arange(np.count_nonzero(self.grid.at_breaks) - 1)
-        steps[full] = np.add.reduceat(np.delete(np.diff(law.t), ends), np.cumsum(self.counts) - self.counts)
+        steps = np.zeros(self._full.size)
+        starts, full = self._starts
+        steps[self._full] = np.add.reduceat(np.diff(law.t), starts)[full]
         return np.minimum(np.concatenate([[0.0], np.cumsum(steps)]), law.t[-1])
 
     def jerk_changes(self, attempt: Attempt, law: TimeLaw) -> JerkChanges:

@@ -15,6 +15,7 @@ coarser grid found (``switches.py``):
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,12 +77,12 @@ class TimeGrid:
         sigma[left] = on.sigma[1:]
         return cls(on, sigma, macro, left)
 
-    @property
+    @cached_property
     def intervals(self) -> int:
         """Number of intervals that are not empty."""
         return int(np.count_nonzero(np.diff(self.sigma) > 0.0))
 
-    @property
+    @cached_property
     def at_breaks(self) -> NDArray[np.bool_]:
         """Ends of macros (K,) that are breaks of the path, or its end."""
         ends = self.map.u[1:]

@@ -18,8 +18,10 @@ from planner import Curve, FeedrateProfile, Limits, load_curve, load_limits, pla
 from planner.geometry.curve import FeedCaps
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
+from planner.plan.collocation import states_between
 from planner.plan.rows import build
-from planner.plan.sensitivity import SpeedBound
+from planner.plan.sensitivity import SpeedBound, saved_by_one_percent
+from planner.plan.solvers.interior import Iterate, is_global, start_from
 from planner.programs.path.smooth_path import program_path
 from planner.types import FloatArray
 
@@ -246,3 +248,39 @@ def test_at_a_jump_the_axis_across_the_path_has_the_step(angle: float, binding: 
     assert names[1:4] == [f"jerk {binding}"] * 3
     assert {names[0], names[4]} <= {"velocity X", "velocity Y"}
     assert bound.power[jump - 1 : jump + 4].tolist() == [2.0, 1.0, 1.0, 1.0, 2.0]
+
+
+# ---- sums over multipliers -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("inner", [1, 3])
+@pytest.mark.parametrize("seed", range(3))
+def test_sums_are_those_of_array_arithmetic(inner, seed):
+    """More points than fit in a block, double knots, and multipliers of any size."""
+    curve, limits = random_nurbs(seed + 3, 4, 2, spans=4), drives(jerk=[15000.0, 9000.0])
+    _, _, grid = laid_out(curve, limits, 60, parts=4)
+    problem, speeds = build(limits, grid, inner=inner)
+    rng = np.random.default_rng(seed)
+    iterate = Iterate(problem, start_from(problem, problem.guess), 0.2, 0.95)
+    iterate.pairs[...] = 10.0 ** rng.uniform(-9.0, -3.0, iterate.pairs.shape)
+    multipliers = iterate.pairs[:, :, 1].transpose(1, 0, 2).reshape(iterate.pairs.shape[1], -1)[:, : problem.cap.size]
+    pace = states_between(problem.h, iterate.z, inner)[0] ** -0.5
+    bound = SpeedBound.of(limits, speeds)
+    saved = dict(
+        zip(bound.names, np.bincount(bound.which, multipliers[0] * bound.power, len(bound.names)), strict=True)
+    )
+    rows = (*problem.acceleration.of, *problem.jerk.of)
+    for k, row in enumerate(rows):
+        both = (multipliers[1 + 2 * k] + multipliers[2 + 2 * k]) * (pace if row.order == 3 else 1.0)
+        saved[row.name] = saved.get(row.name, 0.0) + both.sum()
+    expected = {name: 0.01 * value for name, value in saved.items() if value > 0.0}
+    assert saved_by_one_percent(iterate, bound) == pytest.approx(expected, rel=1e-12)
+    # an optimum is proven where no place has more multipliers of jerks than weight
+    load = multipliers[1 + 2 * len(problem.acceleration) :].sum(axis=0)
+    place = np.append(0, np.cumsum(np.repeat(problem.h > 0.0, inner + 1)))
+    assert place[-1] < place.size - 1
+    ratio = float((np.bincount(place, load) / np.bincount(place, problem.weight)).max())
+    for factor, proven in ((1.0 - 1e-6, True), (1.0 + 1e-6, False)):
+        scaled = Iterate(problem, start_from(problem, problem.guess), 0.2, 0.95)
+        scaled.pairs[...] = iterate.pairs * factor / ratio
+        assert is_global(scaled) is proven

@@ -64,7 +64,7 @@ def test_a_multiplier_belongs_to_the_limit_its_row_names():
     """The order of the rows says nothing: shuffled, every limit keeps its worth."""
     plain = PROBLEMS["teardrop"]()
     names = ("feed",)
-    bound = SpeedBound(names, np.zeros(plain.cap.size, dtype=np.int8), np.ones(plain.cap.size, dtype=np.float32))
+    bound = SpeedBound(names, np.zeros(plain.cap.size, dtype=np.uint8), np.ones(plain.cap.size, dtype=np.float32))
 
     def worth(problem):
         solution = interior.solve_interior(problem, interior.start_from(problem, problem.guess), tolerance=1e-9)

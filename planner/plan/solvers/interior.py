@@ -56,7 +56,6 @@ from numpy.typing import NDArray
 
 from planner.compiled import core
 from planner.errors import SolverError
-from planner.plan.collocation import states_between
 from planner.plan.rows import Constraints
 from planner.status import Status
 from planner.types import FloatArray, Progress
@@ -205,14 +204,6 @@ class Iterate:
         """Largest relative violation."""
         return float(self._totals[2])
 
-    def multipliers(self, side: int) -> FloatArray:
-        """Multipliers (p,) of one side: 0 the speed, then the upper and the lower one of every row, accelerations first."""
-        return self.pairs[:, side, 1].reshape(-1)[: self.problem.cap.size]
-
-    def pace(self) -> FloatArray:
-        """x^(-1/2) at all points, (p,)."""
-        return np.asarray(states_between(self.problem.h, self.z, self.problem.inner)[0] ** -0.5)
-
 
 def solve_interior(
     problem: Constraints,
@@ -291,12 +282,12 @@ def is_global(it: Iterate) -> bool:
     Coincident points, those of a double knot, count as one.
     """
     problem = it.problem
-    first, load = 1 + 2 * len(problem.acceleration), np.zeros(problem.cap.size)
-    for k, size in enumerate(problem.jerk.bounds.reshape(-1)):
-        load += size * it.multipliers(first + k)
-    place = np.zeros(load.size, dtype=np.intp)
-    place[1:] = np.cumsum(np.repeat(problem.h > 0.0, problem.inner + 1))
-    return bool((np.bincount(place, load) <= np.bincount(place, problem.weight) * (1.0 + _FEASIBLE)).all())
+    bounds = np.concatenate([problem.acceleration.bounds, problem.jerk.bounds])
+    proven = core.sensitivity_proven(
+        *(problem.h.size, problem.h, problem.inner, problem.weight, len(problem.acceleration), len(bounds), bounds),
+        *(_FEASIBLE, it.pairs),
+    )
+    return bool(proven)
 
 
 def _tolerance(problem: Constraints) -> float:
