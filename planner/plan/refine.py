@@ -46,9 +46,9 @@ MIN_INTERVALS = 24
 _MIN_INTERVALS = 200  # of one section among several
 # How many times coarser than the grid that is asked for those of the guess and of the even solve are.
 _COARSER_GUESS, _COARSER_EVEN = 4, 2
-# Intervals to a macro of the guess, at least in all, and relative gaps of the coarse solves and of the first fine one.
+# Intervals to a macro of the guess, at least in all, and relative gaps of the coarse solves.
 _PER_GUESSED, _MIN_COARSE = 8, 200
-_COARSE_GAP, _EVEN_GAP, _ROUGH_GAP = 1e-2, 1e-4, 1e-4
+_COARSE_GAP, _EVEN_GAP = 1e-2, 1e-4
 # Where the number of intervals is free: so many for a change of the jerk by its limit, by the points inside one, and at most
 # so many times the usual.
 _PER_CHANGE, _MAX_FOR_CHANGES = {1: 24.0, 3: 15.0}, 4
@@ -206,9 +206,7 @@ def _refined(task: Task, effort: Effort, most: int, *, follow: bool) -> Outcome:
     found: Outcome | None = None
     for number in range(_MAX_ROUNDS):
         try:
-            # What the first solve exceeds is measured before it is worth its last digits.
-            rough = _ROUGH_GAP if number == 0 and task.method == "optimal" else None
-            attempt = stage.solve(task, attempt, rough)
+            attempt = stage.solve(task, attempt)
             this = Round.of(task, number, stage, attempt)
         except (InfeasibleError, SolverError) as error:
             if found is None:
@@ -220,7 +218,7 @@ def _refined(task: Task, effort: Effort, most: int, *, follow: bool) -> Outcome:
         if found is None or this.is_better_than(found.best, task):
             found = Outcome(task, this, stage, attempt, spent, first, ())
         work += stage.grid.intervals * attempt.work.iterations
-        if (this.is_accepted(task) and rough is None) or work > most_work:
+        if this.is_accepted(task) or work > most_work:
             break
         if time.perf_counter() > task.deadline:
             break

@@ -44,7 +44,9 @@ WORTH_SAYING = 1.001
 TIGHTENING_ROUNDS = 5
 _PROGRESS = 0.99  # of the slowing down, from round to round: less than that is none
 _MARGIN_STEP = 2e-5
-_NEIGHBOUR = 0.6
+# Of the excess of an interval, by which its limits are tightened: by the points inside it, and in the intervals beside it.
+# Between midpoints a plan takes back more than between three points.
+_GAIN, _NEIGHBOUR = {1: 1.5, 3: 1.0}, 0.5
 _PRESCRIBED_MARGIN = 2e-6
 _CONTINUED_GAIN = 2.0
 # An interior point needs room above a feed that is prescribed at its limit.
@@ -283,9 +285,9 @@ class Stage:
             by = np.minimum(slowdown, np.sqrt(2.0 * slowdown))
             grid, holds = self.grid.split(halved) if may_split else self.grid, self._held(attempt, by, stuck)
             return self._renewed(task, attempt, grid, holds), replace(attempt, waypoint=None)
-        # Tightening by the excess leaves up to half of it.  A plan that continues another one, and cannot be slowed down as
-        # a whole, is tightened by more: what that costs is little against its reserve.
-        gain = _CONTINUED_GAIN if task.prescribed and task.section.reserve else 1.0
+        # A plan that continues another one, and cannot be slowed down as a whole, is tightened by more: what that costs is
+        # little against its reserve.
+        gain = _CONTINUED_GAIN if task.prescribed and task.section.reserve else _GAIN[self.problem.inner]
         shares = [self.by_interval(share) for share in (used.speed, used.acceleration, used.jerk)]
         tighter = replace(self, problem=_tightened(self.problem, *_margins(shares, self.problem.inner, gain)))
         return tighter, replace(attempt, waypoint=None) if task.prescribed else attempt
