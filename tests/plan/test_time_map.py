@@ -8,6 +8,7 @@ from problems import SEEDS, laid_out, random_case
 from program_blocks import line, program
 
 from planner import load_curve, plan_feedrate
+from planner.compiled import core
 from planner.errors import SolverError
 from planner.geometry.nurbs import NurbsCurve
 from planner.law import TimeLaw
@@ -67,8 +68,8 @@ def test_over_a_blend_at_a_constant_rate_every_axis_has_a_constant_jerk():
         ends[1, at] = bend * size * 2.0 * rate**2 / tangent
     on = TimeMap.through(section, on.sigma, edges, tangent * ends, tangent * ends)
     d = np.linspace(0.0, 2.0 / rate, 42)[:-1]
-    grid = TimeGrid(on, d, np.zeros(d.size, dtype=np.intp), np.array([d.size - 1]))  # the end itself would be a stop
-    path = path_on(DRIVES, grid, d, grid.macro)
+    macro = np.zeros(d.size, dtype=np.int64)  # the end itself would be a stop
+    path = path_on(DRIVES, on, d, macro)
     # out of +X, into +Y: the one slows down by as much as the other speeds up
     assert path.axes[3, :, 0] == pytest.approx(np.full(41, 6.0 * size * rate**3), rel=1e-9)
     assert path.axes[3, :, 1] == pytest.approx(np.full(41, 6.0 * size * rate**3), rel=1e-9)
@@ -91,15 +92,30 @@ def test_next_to_a_stop_the_map_knows_by_how_much_u_is_rounded():
         np.array([0.0, h, 2.0 * h]),
         np.array([0.0, 1.0 - h**3, 1.0]),
         np.array([-1, -1]),
-        np.stack([powers, last]).T,
+        np.stack([powers, last], axis=1),
     )
-    e = 10.0 ** np.linspace(-5.0, -3.0, 50)
-    macro, d = np.ones(50, dtype=np.intp), h - e
-    u = on.parameter(macro, d)[0]
-    meant = (h - d) ** 3  # of the distances that d stands for
-    assert on.rounding(macro, d, u) == pytest.approx((u - 1.0) + meant, abs=1e-3 * np.spacing(1.0))
-    assert np.count_nonzero(on.rounding(macro, d, u)) > 40
-    assert not on.rounding(macro, np.full(50, h), np.ones(50)).any()
+    near = 2.0 * h - 10.0 ** np.linspace(-3.0, -5.0, 50)
+    sigma = np.concatenate([[0.0, h, h], near, [2.0 * h]])
+    grid = TimeGrid(on, sigma, np.repeat([0, 1], [2, 52]), np.array([1, sigma.size - 1]))
+    u, moved = nodes_of(grid)
+    meant = (2.0 * h - near) ** 3  # of the distances that the knots stand for
+    assert moved[3:-1] == pytest.approx((u[3:-1] - 1.0) + meant, abs=1e-3 * np.spacing(1.0))
+    assert np.count_nonzero(moved[3:-1]) > 40
+    assert not moved[[0, 1, 2, -1]].any()
+    assert (np.abs(moved) <= np.spacing(1.0)).all()
+
+
+def nodes_of(grid):
+    """Parameter u of the nodes of the law x = 1, one to an interval, and by how much rounding moved it."""
+    n, count = grid.sigma.size, grid.intervals + grid.left.size
+    states, path, (moved, width, time) = np.empty((3, count)), np.empty((5, count)), np.empty((3, count))
+    kind, macro = np.empty(count, dtype=np.uint8), np.empty(count, dtype=np.int64)
+    core.speed_law_nodes(
+        *(n, grid.sigma, np.ones(n), np.zeros(n), np.zeros(n), grid.macro, np.ones(grid.intervals, dtype=np.int64)),
+        *(*grid.map.arguments, grid.at_breaks, *grid.map.beside_stops, count, states, path, moved, width, time),
+        *(kind, macro),
+    )
+    return path[0], moved
 
 
 def test_a_law_that_falls_back_has_no_map():
@@ -137,6 +153,6 @@ def test_the_map_of_a_periodic_law_ends_as_it_begins():
     law = TimeLaw(profile.t, profile.u, rate, profile.u_acceleration)
     found = TimeMap.from_law(section, law, np.append(law.t[:-1:10], law.t[-1]), periodic=True)
     grid = TimeGrid.even(found, 1)
-    path = path_on(DRIVES, grid, grid.sigma, grid.macro)
+    path = path_on(DRIVES, found, grid.sigma, grid.macro)
     for order in (1, 2):
         assert path.axes[order, -1] == pytest.approx(path.axes[order, 0], abs=1e-11 * np.abs(path.axes[order]).max())
