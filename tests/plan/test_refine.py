@@ -136,12 +136,15 @@ def test_a_failed_solve_is_infeasible_only_where_a_feed_is_prescribed(solves: li
 
 @pytest.mark.parametrize("gain", [1.0, 2.0])
 @pytest.mark.parametrize("inner", [1, 3])
-def test_limits_are_tightened_at_all_points_of_an_interval(gain: float, inner: int) -> None:
+def test_limits_are_tightened_at_all_points_of_an_interval_and_by_less_beside_it(gain: float, inner: int) -> None:
     shares = [np.full(60, 0.9) for _ in range(3)]
     shares[1][40] = 1.01
     speed, acceleration, jerk = stages._margins(shares, inner, gain)
     wanted = np.ones((inner + 1) * 60 + 1)
-    wanted[(inner + 1) * 40 : (inner + 1) * 41 + 1] = (1.0 + gain * 0.01) * (1.0 + stages._MARGIN_STEP)
+    margin = (1.0 + gain * 0.01) * (1.0 + stages._MARGIN_STEP)
+    # its neighbours by less, or the plan would seek there what it gives up
+    wanted[(inner + 1) * 39 : (inner + 1) * 42 + 1] = 1.0 + stages._NEIGHBOUR * (margin - 1.0)
+    wanted[(inner + 1) * 40 : (inner + 1) * 41 + 1] = margin
     assert acceleration == pytest.approx(wanted, rel=1e-14)
     assert (speed == 1.0).all()
     assert (jerk == 1.0).all()
