@@ -34,7 +34,7 @@ from planner.plan.ends import Rest, feed_at
 from planner.plan.guard import require_finite_law
 from planner.plan.guess import breaks_inside, guess_feed, resolvable
 from planner.plan.section import Section
-from planner.plan.stage import HOPELESS, TIGHTENING_ROUNDS, TOO_COARSE, WORTH_SAYING, Attempt, Stage, Task
+from planner.plan.stage import HOPELESS, MORE_INNER, TIGHTENING_ROUNDS, TOO_COARSE, WORTH_SAYING, Attempt, Stage, Task
 from planner.plan.time_knots import TimeGrid, place_in_time
 from planner.plan.time_map import TimeMap
 from planner.plan.utilisation import Utilisation, utilisation
@@ -159,17 +159,21 @@ def plan_section(
 
 
 def _best_of_tries(task: Task, effort: Effort, most: int) -> Outcome:
-    """Refine from the usual grid; where that ends badly, from one that follows |C'|."""
+    """Refine with as few points as serve; where that ends badly, with more, and then from a grid that follows |C'|."""
     best, failed, spent = None, None, 0.0
-    for follow in (False, True):
+    more = replace(task, inner=MORE_INNER) if task.method == "optimal" else task
+    tries = ((task, False), (more, False), (more, True)) if more.inner != task.inner else ((task, False), (task, True))
+    for each, follow in tries:
         try:
-            found = _refined(_following(task, effort) if follow else task, effort, most, follow=follow)
+            this = _following(each, effort) if follow else each
+            found = _refined(this, effort, most, follow=follow, patient=each is more)
         except (CurveError, InfeasibleError, SolverError) as error:
             failed = failed or error
             continue
         spent += found.spent
         best = found if best is None or found.best.is_better_than(best.best, task) else best
         enough = ALMOST_MET if task.prescribed else WORTH_SAYING if effort.free else HOPELESS
+        enough = enough if each is more else min(enough, TOO_COARSE)
         good = best.best.forward and best.best.slowdown <= enough
         if good or time.perf_counter() > task.deadline:
             break
@@ -196,8 +200,11 @@ class Outcome:
     notes: tuple[str, ...]
 
 
-def _refined(task: Task, effort: Effort, most: int, *, follow: bool) -> Outcome:
-    """Solve for the map and on it, and refine; ``follow``: grids that follow |C'|."""
+def _refined(task: Task, effort: Effort, most: int, *, follow: bool, patient: bool) -> Outcome:
+    """Solve for the map and on it, and refine.
+
+    ``follow``: grids that follow |C'|; ``patient``: go on where the first plan is far off between its points.
+    """
     wanted = effort.intervals
     stage, attempt, spent = first_stage(task, effort, most, follow=follow)
     first, work, slowdown = 0.0, 0, np.inf
@@ -219,6 +226,8 @@ def _refined(task: Task, effort: Effort, most: int, *, follow: bool) -> Outcome:
             found = Outcome(task, this, stage, attempt, spent, first, ())
         work += stage.grid.intervals * attempt.work.iterations
         if this.is_accepted(task) or work > most_work:
+            break
+        if not patient and stage.problem.inner == task.inner and not (this.forward and this.slowdown <= TOO_COARSE):
             break
         if time.perf_counter() > task.deadline:
             break

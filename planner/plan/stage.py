@@ -30,9 +30,9 @@ from planner.status import Status, Work
 from planner.types import FloatArray, IntArray, Progress
 
 _MIN_GUESS = 1e-6
-# Points inside an interval: one, but three where a path has blends, each of which few intervals have to pass.  On other
-# curves three are no nearer to the optimum than one with as much computing time.
-_INNER, _INNER_OF_BLENDS = 1, 3
+# Points inside an interval: one, but three where a path has blends, each of which few intervals have to pass, and where a
+# plan with one is far off between them.  Elsewhere three are no nearer to the optimum than one in as much computing time.
+_INNER, MORE_INNER = 1, 3
 # sum(s l) at the start as a share of the time, from a guess and from a law.
 _FROM_GUESS, _FROM_LAW = 0.2, 0.03
 _NODES = 2  # of the time law, an interval at least
@@ -57,7 +57,7 @@ _CHORD_POWER, _MIN_HOLD, _MAX_HOLD, _CHORD_SPACING = 0.55, 1.001, 3.0, 0.25
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """A section with its rest blends, and how it is to be solved."""
+    """A section, and how it is to be solved; ``inner``: points inside an interval, at least."""
 
     section: Section
     limits: Limits
@@ -66,6 +66,7 @@ class Task:
     periodic: bool
     deadline: float
     progress: Progress | None
+    inner: int = _INNER
 
     @property
     def prescribed(self) -> bool:
@@ -162,7 +163,7 @@ class Stage:
     @classmethod
     def on(cls, task: Task, grid: TimeGrid, holds: Holds = NO_HOLDS) -> Stage:
         """Build the constraints on a grid."""
-        inner = _INNER_OF_BLENDS if grid.map.has_native and task.method == "optimal" else _INNER
+        inner = MORE_INNER if grid.map.has_native and task.method == "optimal" else task.inner
         problem, speeds = build(task.limits, grid, periodic=task.periodic, inner=inner)
         speed = SpeedBound.of(task.limits, speeds)
         if task.prescribed:
