@@ -53,7 +53,7 @@ _COARSE_GAP, _EVEN_GAP = 1e-2, 1e-4
 # so many times the usual.
 _PER_CHANGE, _MAX_FOR_CHANGES = {1: 24.0, 3: 15.0}, 4
 # A plan that needs more slowing down than this at the end is refined first.
-_ACCEPTED_SLOWDOWN = 1.000005
+_ACCEPTED_SLOWDOWN = 1.000002
 _MAX_ROUNDS, _CHORD_ROUNDS = 12, 16
 # Intervals times iterations of all rounds, at most: some seconds.
 _MAX_WORK, _WORK_PER_INTERVAL, _USUAL_ITERATIONS = 2_000_000, 1200, 60

@@ -330,7 +330,7 @@ def test_corners_without_any_jerk_limit_are_left_at_full_acceleration() -> None:
 def test_a_round_that_fails_leaves_the_plan_before_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """The solver gives up in the second round: the first one's plan, slowed down, and the reason."""
     curve, limits = load_curve("butterfly", scale=10.0), mill()
-    whole = plan_feedrate(curve, limits, intervals=300)
+    whole = plan_feedrate(curve, limits, intervals=500)
     assert whole.work.rounds > 1
     solve, calls = optimal.solve_interior, []
 
@@ -341,7 +341,7 @@ def test_a_round_that_fails_leaves_the_plan_before_it(monkeypatch: pytest.Monkey
         return solve(*args, **options)
 
     monkeypatch.setattr(optimal, "solve_interior", failing)
-    profile = plan_feedrate(curve, limits, intervals=300)
+    profile = plan_feedrate(curve, limits, intervals=500)
     assert profile.work.rounds == 1
     assert any(n.startswith("refinement ended after 1 rounds") and "planted" in n for n in profile.notes)
     assert whole.duration < profile.duration < 1.02 * whole.duration

@@ -151,9 +151,9 @@ def test_limits_are_tightened_at_all_points_of_an_interval_and_by_less_beside_it
 
 
 def test_the_tighter_of_two_neighbours_counts_at_the_knot_between() -> None:
-    share = np.array([1.01, 1.03, 1.02])
+    share = np.array([1.02, 1.03, 1.025])
     (found,) = stages._margins([share], 1, 1.0)
-    assert found / (1.0 + stages._MARGIN_STEP) == pytest.approx([1.01, 1.01, 1.03, 1.03, 1.03, 1.02, 1.02], rel=1e-14)
+    assert found / (1.0 + stages._MARGIN_STEP) == pytest.approx([1.02, 1.02, 1.03, 1.03, 1.03, 1.025, 1.025], rel=1e-14)
 
 
 def test_tightening_divides_every_limit_but_a_prescribed_feed() -> None:
@@ -173,8 +173,9 @@ def test_a_reserve_is_left_from_its_parameter_on() -> None:
     task, stage = task_of()
     middle = 0.5 * sum(task.section.curve.domain)
     kept = Stage.on(replace(task, section=replace(task.section, reserve=((middle, 0.2),))), stage.grid)
-    macro = np.repeat(stage.grid.macro, 4)[:-3]
-    after = stage.grid.map.along(points_of(stage.grid.sigma, 3), macro)[0] >= middle
+    inner = stage.problem.inner
+    macro = np.repeat(stage.grid.macro, inner + 1)[:-inner]
+    after = stage.grid.map.along(points_of(stage.grid.sigma, inner), macro)[0] >= middle
     factor = np.where(after, 1.0 / 0.8, 1.0)
     assert kept.problem.jerk.r == pytest.approx(stage.problem.jerk.r * factor, rel=1e-14)
     assert kept.problem.acceleration.r == pytest.approx(stage.problem.acceleration.r * factor, rel=1e-14)
@@ -185,7 +186,7 @@ def test_a_reserve_is_left_from_its_parameter_on() -> None:
 def test_a_prescribed_feed_leaves_two_millionths_of_every_limit() -> None:
     """Such a plan cannot be slowed down: what a solve uses too much between points must be left before."""
     task, stage = task_of(start=30.0)
-    untouched = stages.build(task.limits, stage.grid)[0]
+    untouched = stages.build(task.limits, stage.grid, inner=stage.problem.inner)[0]
     assert stage.problem.jerk.r == pytest.approx(untouched.jerk.r * (1.0 + 2e-6), rel=1e-12)
     assert stage.problem.cap[1:] == pytest.approx(untouched.cap[1:] / (1.0 + 2e-6) ** 2, rel=1e-12)
 
@@ -232,11 +233,12 @@ def test_a_tightened_solve_begins_on_the_way_of_the_last_unless_a_feed_is_prescr
     assert attempt.waypoint is not None
     assert start.waypoint is (None if feeds else attempt.waypoint)
     assert tighter.grid is stage.grid
+    gain = stages._GAIN[stage.problem.inner]
     assert tighter.problem.jerk.r == pytest.approx(
-        stage.problem.jerk.r * 1.002 * (1.0 + stages._MARGIN_STEP), rel=1e-12
+        stage.problem.jerk.r * (1.0 + 0.002 * gain) * (1.0 + stages._MARGIN_STEP), rel=1e-12
     )
     reserved = replace(task, section=replace(task.section, reserve=((0.0, 0.1),)))
-    gain = 2.0 if feeds else 1.0  # only what continues another plan is tightened by more
+    gain = 2.0 if feeds else gain  # only what continues another plan is tightened by more
     tighter, _ = stage.next(reserved, attempt, used_of(jerk=share), may_split=False)
     assert tighter.problem.jerk.r == pytest.approx(
         stage.problem.jerk.r * (1.0 + 0.002 * gain) * (1.0 + stages._MARGIN_STEP), rel=1e-12
@@ -385,11 +387,11 @@ def test_the_reference_method_solves_on_coarse_grids_too(monkeypatch: pytest.Mon
 
 @pytest.mark.parametrize(
     ("name", "status", "proven"),
-    [("circle", Status.OPTIMAL, True), ("circle", Status.BUDGET, False), ("teardrop", Status.OPTIMAL, False)],
+    [("circle", Status.OPTIMAL, True), ("circle", Status.BUDGET, False), ("butterfly", Status.OPTIMAL, False)],
 )
 def test_only_an_optimum_is_proven_to_be_global(
     monkeypatch: pytest.MonkeyPatch, name: str, status: Status, proven: bool
 ) -> None:
-    """The multipliers on a circle without an end are smooth enough; those of a teardrop jump."""
+    """The multipliers on a circle without an end are smooth enough; those of a butterfly jump."""
     profile, _ = planned_with(monkeypatch, name, 100, periodic=name == "circle", status=status)
     assert profile.work.proven_global is proven
