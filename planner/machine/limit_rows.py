@@ -12,6 +12,7 @@ and chord error are not here; they change along a path and are limits on its spe
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -67,6 +68,7 @@ class LimitRow:
         return self.lower / self.scale, self.upper / self.scale
 
 
+@lru_cache(maxsize=8)  # by identity: limits do not change, and a plan asks again and again
 def limit_rows(limits: Limits) -> tuple[LimitRow, ...]:
     """Every finite limit on a motion; those of one order stand together, the axes' before that of the arc length."""
     quantities = sorted((*AXIS, *TANGENTIAL), key=lambda q: (q.order, q.scope is Scope.PATH))

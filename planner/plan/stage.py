@@ -275,11 +275,13 @@ class Stage:
         Where an interval is as short as nodes may be, or refining did not help before, the speed is held there instead.
         """
         slowdown = self.by_interval(used.slowdown)
-        fixed = self._shortest(task, attempt) | (number > TIGHTENING_ROUNDS)
         coarse = (used.slowdown > COARSE) | (used.backward > 0.0)
-        halved = (self.by_interval(coarse.astype(np.float64)) > 0.0) & ~fixed
         tolerated = HOPELESS if float(used.slowdown.max()) < _PROGRESS * before else WORTH_SAYING
-        stuck = (slowdown > tolerated) & fixed & (not task.prescribed)
+        halved = self.by_interval(coarse.astype(np.float64)) > 0.0
+        stuck = (slowdown > tolerated) & (not task.prescribed)
+        if halved.any() or stuck.any():
+            fixed = self._shortest(task, attempt) | (number > TIGHTENING_ROUNDS)
+            halved, stuck = halved & ~fixed, stuck & fixed
         may_split &= bool(halved.any())
         if may_split or stuck.any():
             # What a quintic of a few digits is off by goes with the sixth power of the speed: the root is enough of much.
