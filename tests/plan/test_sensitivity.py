@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -19,9 +20,13 @@ from planner.geometry.curve import FeedCaps
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
 from planner.plan.collocation import states_between
+from planner.plan.guess import guess_feed
+from planner.plan.refine import Effort, first_stage
 from planner.plan.rows import build
+from planner.plan.section import cut
 from planner.plan.sensitivity import SpeedBound, saved_by_one_percent
 from planner.plan.solvers.interior import Iterate, is_global, start_from
+from planner.plan.stage import Stage, Task
 from planner.programs.path.smooth_path import program_path
 from planner.types import FloatArray
 
@@ -29,6 +34,7 @@ FREE = [np.inf] * 2
 INTERVALS = 2000
 # Seconds of plans with other limits differ by the noise of their grids, and bend over 1 %.
 TOLERANCE = 0.03  # of the largest saving
+ONE_GRID = 2e-3  # the same where knots stay
 
 
 def arc_into_arc() -> Curve:
@@ -120,6 +126,8 @@ def limited(curve: Curve, limits: Limits) -> list[str]:
     return found
 
 
+# Between plans of their own the knots around a jump are elsewhere: 5e-5 of the time, more than 1 % of a limit is worth.
+JUMPS = ("jumps", "jump from arc to arc")
 SLOW = (
     "formula",
     "five axes",
@@ -136,7 +144,7 @@ SLOW = (
 EVERY = [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in CASES]
 
 
-@pytest.mark.parametrize("name", EVERY)
+@pytest.mark.parametrize("name", [case for case in EVERY if case.values[0] not in JUMPS])
 def test_what_is_said_to_be_saved_is_saved(name: str) -> None:
     """What 1 % more of a limit saves <= what is said <= what 1 % less costs, for every limit, said to cost or not.
 
@@ -158,6 +166,28 @@ def test_what_is_said_to_be_saved_is_saved(name: str) -> None:
     assert room > 5e-6 * profile.duration
     assert any(saves > 0.5 * costs > room for saves, costs in bounds.values())
     for limit, (saves, costs) in bounds.items():
+        assert saves - room <= said.get(limit, 0.0) <= costs + room, limit
+
+
+@pytest.mark.parametrize("name", [*JUMPS, "tangential", "chord", "three axes", "formula", "jerk alone"])
+def test_on_one_grid_the_savings_are_the_derivatives_of_the_time(name: str) -> None:
+    """With the knots held, what 0.1 % more of a limit saves and 0.1 % less costs is what is said, to a few thousandths."""
+    curve, limits, _ = CASES[name]()
+    (section,) = cut(curve, limits, exact_stop=False)
+    task = Task(section, limits, guess_feed(section, limits, 1000), "optimal", False, np.inf, None)
+    stage, before, _ = first_stage(task, Effort(1000, False), 1000, follow=False)
+
+    def solved(curve: Curve, limits: Limits) -> tuple[float, Mapping[str, float]]:
+        changed = Stage.on(replace(task, limits=limits, section=replace(section, curve=curve)), stage.grid)
+        found = changed.solve(task, before, 1e-9)
+        return float(changed.time_law(found).t[-1]), found.saved
+
+    time, said = solved(curve, limits)
+    room = ONE_GRID * max(said.values())
+    assert len([seconds for seconds in said.values() if seconds > 10.0 * room]) >= 1
+    for limit in limited(curve, limits):
+        less, more = (solved(*with_changed(curve, limits, limit, k))[0] for k in (0.999, 1.001))
+        saves, costs = (time - more) / 0.1, (less - time) / 0.1
         assert saves - room <= said.get(limit, 0.0) <= costs + room, limit
 
 
