@@ -18,10 +18,6 @@ def _square(x):
     return x * x
 
 
-def _cube(x):
-    return x * x * x
-
-
 def chain_rule(q1, q2, q3, u1, u2, u3):
     """First three derivatives of q(u(t)) with respect to t."""
     return q1 * u1, q2 * (u1 * u1) + q1 * u2, q3 * (u1 * u1 * u1) + q2 * (3.0 * u1 * u2) + q1 * u3
@@ -59,15 +55,22 @@ def time_law(coefficients, h, ends, interval, x, out):
                 out[1, n, k], out[2, n, k], out[3, n, k] = first, second, third
 
 
-def _rounded(c1, c2, c3, u1, u2, u3, slack):
+def _rounded(c1, c2, c3, u1, u2, slack):
     """What errors of up to ``slack`` in the time derivatives of u can change in those of C.
 
-    To first order and beyond: the chain rule takes no larger value than from the sizes of all its terms.
+    To first order and beyond: the chain rule takes no larger value than from the sizes of all its terms.  What these gain
+    is multiplied out, for the difference of two powers would leave few digits of it.
     """
-    c1, c2, c3, u1, u2, u3 = abs(c1), abs(c2), abs(c3), abs(u1), abs(u2), abs(u3)
-    high1, high2, high3 = chain_rule(c1, c2, c3, u1 + slack[0], u2 + slack[1], u3 + slack[2])
-    low1, low2, low3 = chain_rule(c1, c2, c3, u1, u2, u3)
-    return high1 - low1, high2 - low2, high3 - low3
+    c1, c2, c3, u1, u2 = abs(c1), abs(c2), abs(c3), abs(u1), abs(u2)
+    off1, off2, off3 = slack
+    square = off1 * (2.0 * u1 + off1)
+    mixed = 3.0 * (off1 * (u2 + off2) + u1 * off2)
+    return c1 * off1, c2 * square + c1 * off2, c3 * _cube_gain(u1, off1) + c2 * mixed + c1 * off3
+
+
+def _cube_gain(u1, off1):
+    """What u'^3 gains where u' does off1."""
+    return off1 * (3.0 * u1 * (u1 + off1) + off1 * off1)
 
 
 def _measure_tip(p, cartesian, at, u1, u2, u3, slack, value, granted):
@@ -90,26 +93,25 @@ def _measure_tip(p, cartesian, at, u1, u2, u3, slack, value, granted):
     for j in range(tip):
         bend += p[2, at, j] * p[row, at, j] * scale
     turn = second = third = 0.0
-    granted1 = granted2 = granted3 = 0.0
+    granted2 = granted3 = 0.0
     for j in range(tip):
         tangent = p[row, at, j] * scale
         turn += _square(p[2, at, j] - bend * tangent)
         if cartesian:  # the axes' own values
-            v, a, b = FIRST_AXIS + j, FIRST_AXIS + tip + j, FIRST_AXIS + 2 * tip + j
+            a, b = FIRST_AXIS + tip + j, FIRST_AXIS + 2 * tip + j
             acceleration, jerk = value[a], value[b]
-            off1, off2, off3 = granted[v], granted[a], granted[b]
+            off2, off3 = granted[a], granted[b]
         else:
             _, acceleration, jerk = chain_rule(p[1, at, j], p[2, at, j], p[3, at, j], u1, u2, u3)
-            off1, off2, off3 = _rounded(p[1, at, j], p[2, at, j], p[3, at, j], u1, u2, u3, slack)
+            _, off2, off3 = _rounded(p[1, at, j], p[2, at, j], p[3, at, j], u1, u2, slack)
         second += acceleration * tangent
         third += jerk * tangent
-        granted1 += _square(off1)
         granted2 += _square(off2)
         granted3 += _square(off3)
-    turn = turn / speed if speed > 0.0 else 0.0
+    turn = turn * scale if speed > 0.0 else 0.0
     value[0], value[1], value[2] = speed * u1, second, third + turn * (u1 * u1 * u1)
-    granted[0], granted[1] = np.sqrt(granted1), np.sqrt(granted2)
-    granted[2] = np.sqrt(granted3) + turn * (_cube(abs(u1) + slack[0]) - _cube(abs(u1)))
+    granted[0], granted[1] = speed * slack[0], np.sqrt(granted2)
+    granted[2] = np.sqrt(granted3) + turn * _cube_gain(abs(u1), slack[0])
 
 
 def _measure_point(d, p, cartesian, at, u1, u2, u3, slack, value, granted):
@@ -119,7 +121,7 @@ def _measure_point(d, p, cartesian, at, u1, u2, u3, slack, value, granted):
     for j in range(dim):
         v, a, b = FIRST_AXIS + j, FIRST_AXIS + dim + j, FIRST_AXIS + 2 * dim + j
         value[v], value[a], value[b] = chain_rule(d[1, at, j], d[2, at, j], d[3, at, j], u1, u2, u3)
-        granted[v], granted[a], granted[b] = _rounded(d[1, at, j], d[2, at, j], d[3, at, j], u1, u2, u3, slack)
+        granted[v], granted[a], granted[b] = _rounded(d[1, at, j], d[2, at, j], d[3, at, j], u1, u2, slack)
     _measure_tip(p, cartesian, at, u1, u2, u3, slack, value, granted)
 
 

@@ -23,10 +23,13 @@ typedef struct {
     Points q[3][MAX_AXES];
 } Path;
 
-/* Time derivatives of u at the points of a block, and what rounding can change in them. */
+/* Time derivatives of u at the points of a block, and what rounding can change in them; further the powers and products of them
+ * that the chain rule takes, u'^2, u'^3 and 3 u' u'', and what rounding can change in the sizes of these. */
 typedef struct {
     Points u1, u2, u3;
     Points off1, off2, off3;
+    Points square, cube, mixed;
+    Points off_square, off_cube, off_mixed;
 } Rates;
 
 typedef struct {
@@ -46,7 +49,7 @@ typedef struct {
     Points speed, scale; /* |p_u|; 1 / |p_u|, or where the tip rests 1 / |p_uu| */
     Points bend;         /* p_uu.t */
     Points turn;         /* square of the part of p_uu across t */
-    Points second, third, off1, off2, off3;
+    Points second, third, off2, off3;
 } Tip;
 
 INLINED void path_load(Path *path, int64_t points, int64_t dim, const double *d, int64_t first, int64_t count)
@@ -60,19 +63,26 @@ INLINED void path_load(Path *path, int64_t points, int64_t dim, const double *d,
     }
 }
 
-/* What errors of up to off1, off2 and off3 in the time derivatives of u can change in those of C, to first order and beyond: the chain rule
- * takes no larger value than from the sizes of all its terms. */
-INLINED Triple rounded(double c1, double c2, double c3, double u1, double u2, double u3, double off1, double off2,
-                       double off3)
+/* What the chain rule takes of the rates is the same for every coordinate. */
+INLINED void rates_expand(Rates *rates, int64_t count)
 {
-    c1 = fabs(c1), c2 = fabs(c2), c3 = fabs(c3), u1 = fabs(u1), u2 = fabs(u2), u3 = fabs(u3);
-    const Triple high = chain_rule(c1, c2, c3, u1 + off1, u2 + off2, u3 + off3);
-    const Triple low = chain_rule(c1, c2, c3, u1, u2, u3);
-    const Triple change = {high.first - low.first, high.second - low.second, high.third - low.third};
-    return change;
+    for (int64_t k = 0; k < count; k++) {
+        const double u1 = rates->u1[k], u2 = rates->u2[k], size = fabs(u1);
+        const double off1 = rates->off1[k], off2 = rates->off2[k];
+        rates->square[k] = u1 * u1;
+        rates->cube[k] = u1 * u1 * u1;
+        rates->mixed[k] = 3.0 * u1 * u2;
+        rates->off_square[k] = off1 * (2.0 * size + off1);
+        rates->off_cube[k] = off1 * (3.0 * size * (size + off1) + off1 * off1);
+        rates->off_mixed[k] = 3.0 * (off1 * (fabs(u2) + off2) + size * off2);
+    }
 }
 
-/* Time derivatives of coordinate j of a path, and what rounding can change in them, into rows that stand apart. */
+/* Time derivatives of coordinate j of a path, and what rounding can change in them, into rows that stand apart.
+ *
+ * What errors of up to off1, off2 and off3 in the time derivatives of u can change, to first order and beyond: the chain rule takes
+ * no larger value than from the sizes of all its terms.  Of its powers and products the gain is written out, (u + off)^2 - u^2 =
+ * off (2 u + off): a difference would leave some digits of so small an error. */
 INLINED void measure_coordinate(const Path *path, int64_t j, const Rates *rates, int64_t count, int64_t apart,
                                 Points *value, Points *granted)
 {
@@ -80,11 +90,15 @@ INLINED void measure_coordinate(const Path *path, int64_t j, const Rates *rates,
     double *restrict v1 = value[0], *restrict v2 = value[apart], *restrict v3 = value[2 * apart];
     double *restrict off1 = granted[0], *restrict off2 = granted[apart], *restrict off3 = granted[2 * apart];
     for (int64_t k = 0; k < count; k++) {
-        const double u1 = rates->u1[k], u2 = rates->u2[k], u3 = rates->u3[k];
-        const Triple here = chain_rule(c1[k], c2[k], c3[k], u1, u2, u3);
-        const Triple off = rounded(c1[k], c2[k], c3[k], u1, u2, u3, rates->off1[k], rates->off2[k], rates->off3[k]);
-        v1[k] = here.first, v2[k] = here.second, v3[k] = here.third;
-        off1[k] = off.first, off2[k] = off.second, off3[k] = off.third;
+        v1[k] = c1[k] * rates->u1[k];
+        v2[k] = c2[k] * rates->square[k] + c1[k] * rates->u2[k];
+        v3[k] = c3[k] * rates->cube[k] + c2[k] * rates->mixed[k] + c1[k] * rates->u3[k];
+    }
+    for (int64_t k = 0; k < count; k++) {
+        const double size1 = fabs(c1[k]), size2 = fabs(c2[k]), size3 = fabs(c3[k]);
+        off1[k] = size1 * rates->off1[k];
+        off2[k] = size2 * rates->off_square[k] + size1 * rates->off2[k];
+        off3[k] = size3 * rates->off_cube[k] + size2 * rates->off_mixed[k] + size1 * rates->off3[k];
     }
 }
 
@@ -99,9 +113,8 @@ INLINED void tip_tangent(const Path *path, int64_t count, Tip *tip)
             size[k] += square(path->q[1][j][k]);
         }
     for (int64_t k = 0; k < count; k++) {
-        const double speed = sqrt(tip->speed[k]), bent = sqrt(size[k]);
-        const double along = speed > 0.0 ? speed : bent;
-        tip->speed[k] = speed;
+        const double along = sqrt(tip->speed[k] > 0.0 ? tip->speed[k] : size[k]);
+        tip->speed[k] = tip->speed[k] > 0.0 ? along : 0.0;
         tip->scale[k] = along > 0.0 ? 1.0 / along : 0.0;
     }
     for (int64_t j = 0; j < path->dim; j++)
@@ -115,14 +128,13 @@ INLINED void tip_sums(const Path *path, int64_t j, int64_t count, int64_t apart,
                       const Points *granted, Tip *tip)
 {
     const double *acceleration = value[apart], *jerk = value[2 * apart];
-    const double *off1 = granted[0], *off2 = granted[apart], *off3 = granted[2 * apart];
+    const double *off2 = granted[apart], *off3 = granted[2 * apart];
     for (int64_t k = 0; k < count; k++) {
         const double first = path->q[0][j][k], second = path->q[1][j][k];
         const double tangent = (tip->speed[k] > 0.0 ? first : second) * tip->scale[k];
         tip->turn[k] += square(second - tip->bend[k] * tangent);
         tip->second[k] += acceleration[k] * tangent;
         tip->third[k] += jerk[k] * tangent;
-        tip->off1[k] += square(off1[k]);
         tip->off2[k] += square(off2[k]);
         tip->off3[k] += square(off3[k]);
     }
@@ -138,7 +150,7 @@ INLINED void measure_tip(const Path *path, int cartesian, const Rates *rates, in
     Points value[3], granted[3];
     tip_tangent(path, count, &tip);
     for (int64_t k = 0; k < count; k++)
-        tip.turn[k] = tip.second[k] = tip.third[k] = tip.off1[k] = tip.off2[k] = tip.off3[k] = 0.0;
+        tip.turn[k] = tip.second[k] = tip.third[k] = tip.off2[k] = tip.off3[k] = 0.0;
     for (int64_t j = 0; j < path->dim; j++) {
         if (cartesian) {
             tip_sums(path, j, count, path->dim, out->value + FIRST_AXIS + j, out->granted + FIRST_AXIS + j, &tip);
@@ -148,14 +160,14 @@ INLINED void measure_tip(const Path *path, int cartesian, const Rates *rates, in
         }
     }
     for (int64_t k = 0; k < count; k++) {
-        const double u1 = rates->u1[k], size = fabs(u1), wide = size + rates->off1[k];
-        const double turning = tip.turn[k] / tip.speed[k], turn = tip.speed[k] > 0.0 ? turning : 0.0;
+        const double u1 = rates->u1[k];
+        const double turn = tip.speed[k] > 0.0 ? tip.turn[k] * tip.scale[k] : 0.0;
         out->value[FEED][k] = tip.speed[k] * u1;
         out->value[ALONG_ACCELERATION][k] = tip.second[k];
-        out->value[ALONG_JERK][k] = tip.third[k] + turn * (u1 * u1 * u1);
-        out->granted[FEED][k] = sqrt(tip.off1[k]);
+        out->value[ALONG_JERK][k] = tip.third[k] + turn * rates->cube[k];
+        out->granted[FEED][k] = tip.speed[k] * rates->off1[k];
         out->granted[ALONG_ACCELERATION][k] = sqrt(tip.off2[k]);
-        out->granted[ALONG_JERK][k] = sqrt(tip.off3[k]) + turn * (wide * wide * wide - size * size * size);
+        out->granted[ALONG_JERK][k] = sqrt(tip.off3[k]) + turn * rates->off_cube[k];
     }
 }
 
@@ -181,6 +193,7 @@ INLINED void measure_block(const States *states, int64_t first, int64_t count, Q
         out->value[REVERSAL][k] = -rates.u1[k];
         out->granted[REVERSAL][k] = rates.off1[k];
     }
+    rates_expand(&rates, count);
     for (int64_t j = 0; j < dim; j++)
         measure_coordinate(&axes, j, &rates, count, dim, out->value + FIRST_AXIS + j, out->granted + FIRST_AXIS + j);
     if (states->p) {

@@ -4,44 +4,29 @@
 
 #include "planner/core.h"
 
-#define PEAK_LANES 4
+enum { PEAK_LANES = 8 };
 
 /* Index of the highest, of equal ones the first. */
-static inline int64_t highest(int64_t n, const double *heights)
+static inline __attribute__((always_inline)) int64_t highest(int64_t n, const double *heights)
 {
-    double top[PEAK_LANES];
-    int64_t at[PEAK_LANES], k;
-    if (n < 2 * PEAK_LANES) {
-        int64_t best = 0;
-        for (k = 1; k < n; k++)
-            if (heights[k] > heights[best])
-                best = k;
-        return best;
+    /* First how high, then where: each lane has its own maximum, for one of all would wait for every comparison. */
+    double most = heights[0];
+    int64_t k = 1, at = 0;
+    if (n >= 2 * PEAK_LANES) {
+        double top[PEAK_LANES];
+        for (int l = 0; l < PEAK_LANES; l++)
+            top[l] = heights[l];
+        for (k = PEAK_LANES; k + PEAK_LANES <= n; k += PEAK_LANES)
+            for (int l = 0; l < PEAK_LANES; l++)
+                top[l] = larger(top[l], heights[k + l]);
+        for (int l = 0; l < PEAK_LANES; l++)
+            most = larger(most, top[l]);
     }
-    /* Each lane keeps its own first highest; a chain of comparisons over all would wait for each of them. */
-    for (int l = 0; l < PEAK_LANES; l++) {
-        top[l] = heights[l];
-        at[l] = l;
-    }
-    for (k = PEAK_LANES; k + PEAK_LANES <= n; k += PEAK_LANES)
-        for (int l = 0; l < PEAK_LANES; l++) {
-            const int more = heights[k + l] > top[l];
-            top[l] = more ? heights[k + l] : top[l];
-            at[l] = more ? k + l : at[l];
-        }
-    int64_t best = at[0];
-    double most = top[0];
-    for (int l = 1; l < PEAK_LANES; l++)
-        if (top[l] > most || (top[l] == most && at[l] < best)) {
-            most = top[l];
-            best = at[l];
-        }
     for (; k < n; k++)
-        if (heights[k] > most) {
-            most = heights[k];
-            best = k;
-        }
-    return best;
+        most = larger(most, heights[k]);
+    while (at < n && heights[at] != most)
+        at++;
+    return at < n ? at : 0; /* most is no number only where the first is none */
 }
 
 /* Height of the highest point, or where it lies inside, of the parabola through it and its neighbours. */
