@@ -1,6 +1,8 @@
 /* A tape's instructions, one after the other, each on a block of points, and on their values and three derivatives at once. */
 #include "planner/geometry/geometry.h"
 
+#include <string.h>
+
 #include "planner/geometry/angle_inline.h"
 #include "planner/geometry/sine_inline.h"
 
@@ -149,18 +151,42 @@ static void logarithm(int64_t n, const double *x, Outer *f)
     }
 }
 
-INLINED void sine(int64_t n, int full, const double *x, Outer *f)
+/* The sine and cosine of the operand that had them last: a formula that takes one mostly takes the other. */
+typedef struct {
+    Values of, sine, cosine;
+} Turn;
+
+INLINED void turn_to(int64_t n, const double *x, Turn *last)
 {
-    sine_cosine(n, x, f->f0, f->f1);
+    int64_t other = 0;
+    for (int64_t i = 0; i < n; i++)
+        other += !(x[i] == last->of[i]);
+    if (!other)
+        return;
+    memcpy(last->of, x, (size_t)n * sizeof(double));
+    sine_cosine(n, x, last->sine, last->cosine);
+}
+
+INLINED void sine(int64_t n, int full, const double *x, Turn *last, Outer *f)
+{
+    turn_to(n, x, last);
+    for (int64_t i = 0; i < n; i++) {
+        f->f0[i] = last->sine[i];
+        f->f1[i] = last->cosine[i];
+    }
     for (int64_t i = 0; full && i < n; i++) {
         f->f2[i] = -f->f0[i];
         f->f3[i] = -f->f1[i];
     }
 }
 
-INLINED void cosine(int64_t n, int full, const double *x, Outer *f)
+INLINED void cosine(int64_t n, int full, const double *x, Turn *last, Outer *f)
 {
-    sine_cosine(n, x, f->f3, f->f0);
+    turn_to(n, x, last);
+    for (int64_t i = 0; i < n; i++) {
+        f->f0[i] = last->cosine[i];
+        f->f3[i] = last->sine[i];
+    }
     for (int64_t i = 0; full && i < n; i++) {
         f->f1[i] = -f->f3[i];
         f->f2[i] = -f->f0[i];
@@ -252,7 +278,7 @@ static void power_of(int64_t n, int full, Jet a, Jet b, Values *restrict y)
 }
 
 /* f(x) of one operand; c: the exponent of a power. */
-INLINED void apply(int code, int64_t n, int full, Jet x, double c, Values *restrict y)
+INLINED void apply(int code, int64_t n, int full, Jet x, double c, Turn *last, Values *restrict y)
 {
     Outer f;
     switch (code) {
@@ -260,8 +286,8 @@ INLINED void apply(int code, int64_t n, int full, Jet x, double c, Values *restr
     case POWER: power(n, x[0], c, &f); break;
     case EXP: exponential(n, x[0], &f); break;
     case LOG: logarithm(n, x[0], &f); break;
-    case SIN: sine(n, full, x[0], &f); break;
-    case COS: cosine(n, full, x[0], &f); break;
+    case SIN: sine(n, full, x[0], last, &f); break;
+    case COS: cosine(n, full, x[0], last, &f); break;
     case TAN: tangent(n, x[0], &f); break;
     case ASIN: arcsine(n, x[0], 1.0, &f); break;
     case ACOS: arcsine(n, x[0], -1.0, &f); break;
@@ -273,7 +299,7 @@ INLINED void apply(int code, int64_t n, int full, Jet x, double c, Values *restr
     compose(n, full, &f, x, y);
 }
 
-INLINED void run_step(int code, int64_t n, int full, Jet a, Jet b, Values *restrict y)
+INLINED void run_step(int code, int64_t n, int full, Jet a, Jet b, Turn *last, Values *restrict y)
 {
     const double c = b[0][0]; /* of a constant, which is one all over */
     switch (code) {
@@ -287,7 +313,7 @@ INLINED void run_step(int code, int64_t n, int full, Jet a, Jet b, Values *restr
     case ABSOLUTE: absolute(n, full, a, y); break;
     case POWER_OF: power_of(n, full, a, b, y); break;
     case ATAN2: angle(n, full, a, b, y); break;
-    default: apply(code, n, full, a, c, y); break;
+    default: apply(code, n, full, a, c, last, y); break;
     }
 }
 
@@ -297,6 +323,9 @@ HOT void tape_run(int64_t steps, const int32_t *code, int64_t inputs, int64_t co
 {
     Values *slots = (Values *)work;
     const int full = order > 0, orders = full ? 4 : 1;
+    Turn last;
+    for (int64_t i = 0; i < BLOCK; i++)
+        last.of[i] = NAN; /* that of nothing yet: it equals no operand */
     for (int64_t c = 0; c < constants; c++)
         for (int k = 0; k < 4; k++)
             for (int64_t i = 0; i < BLOCK; i++)
@@ -309,7 +338,8 @@ HOT void tape_run(int64_t steps, const int32_t *code, int64_t inputs, int64_t co
                     slots[4 * j + k][i] = k < given ? in[(k * n + first + i) * inputs + j] : k == 1;
         for (int64_t s = 0; s < steps; s++) {
             const int32_t *step = code + 4 * s; /* what to do, two operands, target */
-            run_step(step[0], count, full, (Jet)(slots + 4 * step[1]), (Jet)(slots + 4 * step[2]), slots + 4 * step[3]);
+            run_step(step[0], count, full, (Jet)(slots + 4 * step[1]), (Jet)(slots + 4 * step[2]), &last,
+                     slots + 4 * step[3]);
         }
         for (int64_t k = 0; k <= order; k++)
             for (int64_t j = 0; j < rows; j++)

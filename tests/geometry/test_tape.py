@@ -112,6 +112,27 @@ def test_sines_are_right_to_a_digit(reach):
         assert (apart <= 0.8 * np.spacing(np.abs(size))).all()
 
 
+def test_sine_and_cosine_of_changing_operands_are_their_own():
+    """Both of one operand are made at once and kept until another comes, also where it has the slot of the first."""
+    recorder = Recorder(1)
+    u, angles, results = recorder.input(0), [], []
+    for k in range(1, 9):
+        angle = (0.7 * k) * u + 0.1 * k
+        results += [recorder.function(Operation.SIN, angle), recorder.function(Operation.COS, angle)]
+        angles += [(0.7 * k, 0.1 * k)] * 2
+    total = sum(results[1:], results[0])  # so that slots are given away and taken again
+    results += [recorder.function(Operation.COS, total), recorder.function(Operation.COS, results[0])]
+    x = np.linspace(-3.0, 3.0, 2 * BLOCK + 5)
+    values = recorder.tape(results)(x[None, :, None], 3)
+    expected = [
+        [factor**order * (np.sin, np.cos)[k % 2](factor * x + shift + order * np.pi / 2.0) for order in range(4)]
+        for k, (factor, shift) in enumerate(angles)
+    ]
+    assert values[:, :, :-2] == pytest.approx(np.moveaxis(np.array(expected), 0, -1), rel=1e-12, abs=1e-12)
+    assert values[0, :, -2] == pytest.approx(np.cos(np.sum(expected, axis=0)[0]), rel=1e-12, abs=1e-12)
+    assert values[0, :, -1] == pytest.approx(np.cos(np.sin(0.7 * x + 0.1)), rel=1e-12, abs=1e-12)
+
+
 def test_sines_of_large_numbers_are_those_of_the_library_and_of_no_number_none():
     x = np.array([1e6, -3.7e12, 1e300, 0.5])
     assert (sines(x) == [np.sin(x), np.cos(x)]).all()
