@@ -136,6 +136,11 @@ class Curve(ABC):
     def _evaluate(self, u: FloatArray, order: int, left: BoolArray) -> FloatArray:
         """Derivatives 0..order at u (n,) within the domain, from the left where ``left`` (n,); ``(order + 1, n, dim)``."""
 
+    def _evaluate_with_tip(self, u: FloatArray, order: int, left: BoolArray) -> tuple[FloatArray, FloatArray]:
+        """As :meth:`_evaluate`, of the machine axes and of the tool tip; the same array twice where these are the same."""
+        own = self._evaluate(u, order, left)
+        return own, own if self.tip is self else self.tip._evaluate(u, order, left)
+
     @property
     @abstractmethod
     def pieces(self) -> Pieces:
@@ -184,11 +189,28 @@ class Curve(ABC):
         InputError
             If a parameter is not finite or outside the domain, or the order or side is not one of those above.
         """
+        points, left = self._places(u, order, side)
+        return self._evaluate(points.reshape(-1), order, left).reshape((order + 1, *points.shape, self.dim))
+
+    def derivatives_with_tip(
+        self, u: ArrayLike, order: int = 3, *, side: Side | BoolArray = "right"
+    ) -> tuple[FloatArray, FloatArray]:
+        """As :meth:`derivatives`, of the machine axes and of the tool tip, in less time than one after the other.
+
+        Where these are the same the two are one array.
+        """
+        points, left = self._places(u, order, side)
+        own, tip = self._evaluate_with_tip(points.reshape(-1), order, left)
+        shaped = own.reshape((order + 1, *points.shape, self.dim))
+        return shaped, shaped if tip is own else tip.reshape((order + 1, *points.shape, self.tip.dim))
+
+    def _places(self, u: ArrayLike, order: int, side: Side | BoolArray) -> tuple[FloatArray, BoolArray]:
+        """Parameters as a contiguous array, and which of them, flat, are seen from the left; InputError for others."""
         if not isinstance(order, int | np.integer) or not 0 <= order <= MAX_DERIVATIVE:
             raise InputError(f"order = {order!r} must be 0, 1, 2 or 3")
-        points = coordinates(u, "u")
+        points = np.ascontiguousarray(coordinates(u, "u")).reshape(np.shape(u))
         left = _is_left(side, points.shape)
-        flat = np.ascontiguousarray(points.reshape(-1))
+        flat = points.reshape(-1)
         u0, u1 = self.domain
         outside = ~((flat >= u0) & (flat <= u1))
         if outside.any():
@@ -196,7 +218,7 @@ class Curve(ABC):
             raise InputError(
                 f"u[{place}] = {float(flat[place])!r} must lie within [{u0!r}, {u1!r}], the domain of {self.name}"
             )
-        return self._evaluate(flat, order, left).reshape((order + 1, *points.shape, self.dim))
+        return points, left
 
     def curvature(self, u: ArrayLike, *, side: Side = "right") -> FloatArray:
         """Curvature |C' x C''| / |C'|^3 at every u, in 1/mm; 0 where the curve rests."""

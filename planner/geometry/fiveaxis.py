@@ -113,11 +113,26 @@ class DualSplineCurve(Curve):
         return np.unwrap(np.arctan2(axis[:, 0], axis[:, 1]))
 
     def _evaluate(self, u: FloatArray, order: int, left: BoolArray) -> FloatArray:
-        splines = [spline._evaluate(u, 3, left) for spline in (self.bottom, self.top)]
-        out = _machine_axes()(np.concatenate(splines, axis=2), order)
-        places, angles = self._scan[0], self._unwrapped
-        core.angle_follow(places.size, places, angles, u.size, u, len(self.axes), out[0].reshape(-1)[4:])
+        return self._compiled(u, order, left, None)
+
+    def _evaluate_with_tip(self, u: FloatArray, order: int, left: BoolArray) -> tuple[FloatArray, FloatArray]:
+        tip = np.empty((order + 1, u.size, self.bottom.dim))
+        return self._compiled(u, order, left, tip), tip
+
+    def _compiled(self, u: FloatArray, order: int, left: BoolArray, tip: FloatArray | None) -> FloatArray:
+        """Axes, and written into ``tip`` what is known of the bottom spline anyway."""
+        out, work = np.empty((order + 1, u.size, len(self.axes))), _machine_axes().room
+        core.fiveaxis_evaluate(*self._arrays, u.size, u, left, order, out, tip, work)
         return out
+
+    @cached_property
+    def _arrays(self) -> tuple[Any, ...]:
+        """Both splines, the map to the axes and the turns of C, as the compiled evaluation takes them."""
+        splines = [spline.pieces.arguments for spline in (self.bottom, self.top)]
+        tape, places = _machine_axes(), self._scan[0]
+        code = tape.steps.shape[0], tape.steps, tape.constants.size, tape.constants, tape.rows
+        without_dim = [item for count, _, *others in splines for item in (count, *others)]
+        return (*without_dim, *code, places.size, places, self._unwrapped)
 
     def definition(self) -> Mapping[str, Any]:
         """Both splines."""

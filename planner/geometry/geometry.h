@@ -30,10 +30,19 @@ void tape_run(int64_t steps, const int32_t *code, int64_t inputs, int64_t consta
               int64_t rows, const int32_t *row, int64_t n, int64_t order, int64_t given, const double *in, double *out,
               double *work);
 
-/* Add whole turns to angle[i apart], i < n, so that it is next to the broken line through places and angles (m each, m > 1,
- * places increasing) at u (n). */
-void angle_follow(int64_t m, const double *places, const double *angles, int64_t n, const double *u, int64_t apart,
-                  double *angle);
+/* Write the machine axes of a flank-milling path and their derivatives 0..order (at most 3) at u (n), from the left where left (n)
+ * says so, into out (order + 1, n, 5); and where tip is no NULL those of the bottom spline, (order + 1, n, 3).  Bottom and top:
+ * pieces as above, of three dimensions.  The map from both splines to the axes is a tape without its sizes: 6 inputs, 5 results.
+ * The last axis is C: whole turns are added, so that it is next to the broken line through places and angles (m each, m > 1,
+ * places increasing).  work: 128 numbers for each slot of the tape. */
+void fiveaxis_evaluate(int64_t bottom_pieces, int64_t bottom_terms, const double *bottom_breaks,
+                       const double *bottom_coefficients, int64_t bottom_rational, const uint8_t *bottom_resting,
+                       const double *bottom_origin, int64_t top_pieces, int64_t top_terms, const double *top_breaks,
+                       const double *top_coefficients, int64_t top_rational, const uint8_t *top_resting,
+                       const double *top_origin, int64_t steps, const int32_t *code, int64_t constants,
+                       const double *constant, const int32_t *row, int64_t m, const double *places, const double *angles,
+                       int64_t n, const double *u, const uint8_t *left, int64_t order, double *out, double *tip,
+                       double *work);
 
 /* Tabulate the inverse of a blend's arc length: the Chebyshev series (panels, 12) of tau over the share of the length, on panels
  * between edges (panels + 1) within 0 .. 1, as narrow as it takes for rounding to be all that is left out.  Returns how many

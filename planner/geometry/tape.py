@@ -302,7 +302,11 @@ class Tape:
         n = values.shape[1]
         out = np.empty((order + 1, n, self.rows.size))
         given = values.shape[0], np.ascontiguousarray(values)
-        work = np.empty(self.slots * _ORDERS * _BLOCK)
         steps = self.steps.shape[0], self.steps, self.inputs, self.constants.size, self.constants
-        core.tape_run(*steps, self.rows.size, self.rows, n, order, *given, out, work)
+        core.tape_run(*steps, self.rows.size, self.rows, n, order, *given, out, self.room)
         return out
+
+    @property
+    def room(self) -> FloatArray:
+        """What a block of points takes while it is evaluated."""
+        return np.empty(self.slots * _ORDERS * _BLOCK)

@@ -187,10 +187,8 @@ class Motion:
         """
         rates, slack = np.empty((3, *x.shape)), np.empty((x.shape[0], 3))
         u, left = self._place(span, x, rates, slack)
-        d = self.curve.derivatives(u.reshape(-1), 3, side=left.reshape(-1))
-        cartesian = self.curve.tip is self.curve
-        p = d if cartesian else self.curve.tip.derivatives(u.reshape(-1), 3, side=left.reshape(-1))
-        return d, p, cartesian, rates, slack
+        d, p = self.curve.derivatives_with_tip(u.reshape(-1), 3, side=left.reshape(-1))
+        return d, p, p is d, rates, slack
 
     def measure(self, span: IntArray, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Signed values and slack of every quantity, (quantities, n, k), on the spans (n,) at x (n, k)."""

@@ -67,6 +67,24 @@ def test_flank_derivatives_agree_with_the_kinematics(side):
     assert (error <= np.array([2e-14, 4e-14, 2e-13, 1e-12])[:, None] * size).all(), (error / size).max(axis=1)
 
 
+@pytest.mark.parametrize("order", [0, 1, 2, 3])
+def test_tip_that_comes_with_the_axes_is_the_bottom_spline(order):
+    curve = load_curve("flank")
+    knots = np.concatenate([[curve.domain[0]], curve._candidate_breaks(), [curve.domain[1]]])
+    u = np.sort(np.concatenate([knots, np.random.default_rng(order).uniform(*curve.domain, 90)]))
+    left = np.arange(u.size) % 2 == 0
+    axes, tip = curve.derivatives_with_tip(u, order, side=left)
+    assert (axes == curve.derivatives(u, order, side=left)).all()
+    assert (tip == curve.bottom.derivatives(u, order, side=left)).all()
+
+
+def test_cartesian_axes_are_their_own_tip():
+    curve = load_curve("circle")
+    axes, tip = curve.derivatives_with_tip(np.array([[0.1], [0.2]]), 2)
+    assert tip is axes
+    assert (axes == curve.derivatives(np.array([[0.1], [0.2]]), 2)).all()
+
+
 def test_flank_is_the_published_path():
     flank = load_curve("flank")
     assert flank.axes == ("X", "Y", "Z", "A", "C")
