@@ -217,9 +217,9 @@ def chord_heights(points, stride, parts, height, top):
             for j in range(dim):
                 chord = points[last, j] - points[first, j]
                 apart += _square(points[first + k, j] - points[first, j] - share * chord)
-            distance[k] = np.sqrt(apart)
+            distance[k] = apart
         top[i] = _highest(distance)
-        height[i] = _peak(distance, top[i])
+        height[i] = _peak(np.sqrt(distance), top[i])
 
 
 def mean_jerks(d, rates, u, start, h, gap):

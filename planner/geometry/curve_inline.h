@@ -58,6 +58,26 @@ static inline Taylor expand(const double *coefficients, int64_t terms, double w)
     return b;
 }
 
+/* Write the curve at one parameter, to the bits of point_on_pieces; returns the piece, to be tried first next. */
+static inline int64_t place_on_pieces(const Pieces *pieces, double u, int left, int64_t guess, double *restrict out)
+{
+    const int64_t dim = pieces->dim, terms = pieces->terms;
+    const int64_t piece = find_piece(pieces->count, pieces->breaks, u, left, guess);
+    const double begin = pieces->breaks[piece], width = pieces->breaks[piece + 1] - begin, w = (u - begin) / width;
+    const double *row = pieces->coefficients + piece * (dim + 1) * terms;
+    double per = 1.0;
+    for (int64_t j = pieces->rational ? dim : dim - 1; j >= 0; j--) { /* the denominator first */
+        double value = row[j * terms + terms - 1];
+        for (int64_t k = terms - 2; k >= 0; k--)
+            value = value * w + row[j * terms + k];
+        if (j == dim)
+            per = 1.0 / value;
+        else
+            out[j] = pieces->origin[piece * dim + j] + (pieces->rational ? value * per : value);
+    }
+    return piece;
+}
+
 /* Write the derivatives 0..order (at most 3) of the curve at one parameter, the k-th from out[k * stride] on; returns
  * the piece, to be tried first next.
  *

@@ -33,10 +33,11 @@ HOT void chord_heights(int64_t n, int64_t dim, int64_t stride, int64_t parts, co
     for (int64_t i = 0; i < n; i++) {
         const double *begin = points + i * stride * dim;
         squared_distances(dim, count, begin, begin + parts * dim, coordinates + i * stride, total, squared, share);
-        for (int64_t k = 0; k < count; k++)
+        const int64_t here = highest(count, squared);
+        for (int64_t k = here > 0 ? here - 1 : 0; k < count && k <= here + 1; k++) /* what the parabola takes */
             squared[k] = sqrt(squared[k]);
-        top[i] = highest(count, squared);
-        height[i] = peak(count, squared, top[i]);
+        top[i] = here;
+        height[i] = peak(count, squared, here);
     }
 }
 
