@@ -22,14 +22,14 @@ static void follow(const Turns *turns, int64_t count, const double *u, int64_t *
     }
 }
 
-/* Copy derivatives 0..order of a block, (., count, width), to their place among those of n points. */
-static void put(int64_t order, int64_t count, int64_t width, const double *from, int64_t stride, int64_t apart,
-                int64_t n, double *to)
+/* Copy derivatives 0..order of count points, width numbers each, between blocks of rows so wide and derivatives so far apart. */
+static void copy(int64_t order, int64_t count, int64_t width, const double *from, int64_t from_width, int64_t from_apart,
+                 double *to, int64_t to_width, int64_t to_apart)
 {
     for (int64_t k = 0; k <= order; k++)
         for (int64_t i = 0; i < count; i++)
             for (int64_t j = 0; j < width; j++)
-                to[(k * n + i) * width + j] = from[k * stride + i * apart + j];
+                to[k * to_apart + i * to_width + j] = from[k * from_apart + i * from_width + j];
 }
 
 void fiveaxis_evaluate(int64_t bottom_pieces, int64_t bottom_terms, const double *bottom_breaks,
@@ -41,24 +41,22 @@ void fiveaxis_evaluate(int64_t bottom_pieces, int64_t bottom_terms, const double
                        int64_t n, const double *u, const uint8_t *left, int64_t order, double *out, double *tip,
                        double *work)
 {
-    const Pieces splines[2] = {
-        {bottom_pieces, DIM, bottom_terms, bottom_breaks, bottom_coefficients, bottom_origin, bottom_resting,
-         bottom_rational != 0},
-        {top_pieces, DIM, top_terms, top_breaks, top_coefficients, top_origin, top_resting, top_rational != 0},
-    };
     const Turns turns = {m, places, angles};
-    int64_t piece[2] = {0, 0}, near = 0;
-    double points[ORDERS * BLOCK * 2 * DIM], axes[ORDERS * BLOCK * AXES];
+    int64_t near = 0;
+    double bottom[ORDERS * BLOCK * DIM], top[ORDERS * BLOCK * DIM], both[ORDERS * BLOCK * 2 * DIM];
+    double axes[ORDERS * BLOCK * AXES];
     for (int64_t first = 0; first < n; first += BLOCK) {
-        const int64_t count = n - first < BLOCK ? n - first : BLOCK, stride = count * 2 * DIM;
-        for (int64_t i = 0; i < count; i++)
-            for (int side = 0; side < 2; side++)
-                piece[side] = point_on_pieces(&splines[side], u[first + i], left[first + i], piece[side], 3, stride,
-                                              points + (2 * i + side) * DIM);
-        tape_run(steps, code, 2 * DIM, constants, constant, AXES, row, count, order, ORDERS, points, axes, work);
+        const int64_t count = n - first < BLOCK ? n - first : BLOCK, apart = count * DIM;
+        curve_evaluate(bottom_pieces, DIM, bottom_terms, bottom_breaks, bottom_coefficients, bottom_rational,
+                       bottom_resting, bottom_origin, count, u + first, left + first, 3, bottom);
+        curve_evaluate(top_pieces, DIM, top_terms, top_breaks, top_coefficients, top_rational, top_resting, top_origin,
+                       count, u + first, left + first, 3, top);
+        copy(3, count, DIM, bottom, DIM, apart, both, 2 * DIM, 2 * apart);
+        copy(3, count, DIM, top, DIM, apart, both + DIM, 2 * DIM, 2 * apart);
+        tape_run(steps, code, 2 * DIM, constants, constant, AXES, row, count, order, ORDERS, both, axes, work);
         follow(&turns, count, u + first, &near, axes + AXES - 1);
-        put(order, count, AXES, axes, count * AXES, AXES, n, out + first * AXES);
+        copy(order, count, AXES, axes, AXES, count * AXES, out + first * AXES, AXES, n * AXES);
         if (tip)
-            put(order, count, DIM, points, stride, 2 * DIM, n, tip + first * DIM);
+            copy(order, count, DIM, bottom, DIM, apart, tip + first * DIM, DIM, n * DIM);
     }
 }
