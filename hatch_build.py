@@ -68,7 +68,7 @@ def build(output: Path | None = None, extra: tuple[str, ...] = (), compiler: lis
     source = core_source()
     output = source.library_file(ROOT) if output is None else output
     command = compiler or system_compiler() or zig_compiler()
-    flags = [*FLAGS, *extra, f"-I{ROOT}", f'-DFEEDPLAN_SOURCE="{source.source_hash(ROOT)}"']
+    flags = [*FLAGS, *extra, f"-I{ROOT}", f'-DFEEDPLAN_SOURCE="{source.source_hash(source.source_texts(ROOT))}"']
     files = [file for file in source.source_files(ROOT) if file.suffix == ".c"]
     with tempfile.TemporaryDirectory(dir=output.parent, prefix=".core-") as folder:
         objects = [Path(folder) / f"{i}.o" for i in range(len(files))]

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.core_source import library_file, source_files, source_hash
+from planner.core_source import library_file, source_hash, source_texts
 from planner.errors import CoreError
 
 _ROOT = Path(__file__).resolve().parents[1]
@@ -107,22 +107,26 @@ class Core:
     """The functions of the library, each made when it is first used."""
 
     @cached_property
+    def _source(self) -> dict[str, bytes]:
+        return source_texts(_ROOT)
+
+    @cached_property
     def _library(self) -> ctypes.CDLL:
         file = library_file(_ROOT)
         if not file.exists():
             raise CoreError(f"the compiled core {file.name} is missing from {file.parent}; {_REBUILD}")
         library = ctypes.CDLL(str(file))
         library.core_source.restype = ctypes.c_char_p
-        if library.core_source() != source_hash(_ROOT).encode():
+        if library.core_source() != source_hash(self._source).encode():
             raise CoreError(f"the compiled core {file} was made from other source than stands beside it; {_REBUILD}")
         return library
 
     @cached_property
     def _declared(self) -> dict[str, tuple[str, list[str]]]:
         found: dict[str, tuple[str, list[str]]] = {}
-        for file in source_files(_ROOT):
-            if file.suffix == ".h" and not file.stem.endswith("_inline") and file.stem != "core":
-                found |= prototypes(file.read_text(encoding="utf-8"))
+        for name, text in self._source.items():
+            if name.endswith(".h") and not name.endswith(("_inline.h", "/core.h")):
+                found |= prototypes(text.decode())
         return found
 
     def __getattr__(self, name: str) -> Function:
