@@ -5,7 +5,8 @@ A text here is a list of lines.  Who prints them takes the colours off again whe
 
 from __future__ import annotations
 
-import shutil
+import os
+import sys
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -44,8 +45,14 @@ def wrapped(text: str, columns: int) -> list[str]:
 
 
 def width() -> int:
-    """Columns of the terminal, or of COLUMNS in the environment."""
-    return shutil.get_terminal_size((_COLUMNS, 24)).columns
+    """Columns of the terminal, or of COLUMNS in the environment; as ``shutil`` finds them, which loads slowly."""
+    given = os.environ.get("COLUMNS", "")
+    if given.isdecimal() and int(given) > 0:
+        return int(given)
+    try:
+        return os.get_terminal_size(sys.__stdout__.fileno()).columns or _COLUMNS if sys.__stdout__ else _COLUMNS
+    except (ValueError, OSError):  # closed, or no terminal
+        return _COLUMNS
 
 
 @dataclass(frozen=True)

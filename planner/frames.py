@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 from abc import ABC, abstractmethod
 from collections import namedtuple
 from collections.abc import Iterator, Mapping
@@ -42,7 +41,7 @@ class Tabular(ABC):
         return int(next(iter(self.columns().values())).size)
 
     def _repr_html_(self) -> str:
-        return f"<p>{html.escape(repr(self))}</p>{html_table(self.columns())}"
+        return f"<p>{escaped(repr(self))}</p>{html_table(self.columns())}"
 
 
 def html_table(columns: Mapping[str, NDArray[Any]]) -> str:
@@ -51,7 +50,7 @@ def html_table(columns: Mapping[str, NDArray[Any]]) -> str:
     shown = list(range(count))
     if count > 2 * _SHOWN + 1:
         shown = [*range(_SHOWN), -1, *range(count - _SHOWN, count)]
-    head = "".join(f"<th>{html.escape(name)}</th>" for name in columns)
+    head = "".join(f"<th>{escaped(name)}</th>" for name in columns)
     rows = [
         "".join(f"<td>{_cell(values, k)}</td>" for values in columns.values())
         if k >= 0
@@ -61,6 +60,13 @@ def html_table(columns: Mapping[str, NDArray[Any]]) -> str:
     return f"<table><tr>{head}</tr>{''.join(f'<tr>{row}</tr>' for row in rows)}</table>"
 
 
+def escaped(text: str) -> str:
+    """Text as HTML shows it."""
+    from html import escape  # on demand: no command but a page or a notebook needs it
+
+    return escape(text)
+
+
 def _cell(values: NDArray[Any], row: int) -> str:
     value = values[row]
-    return html.escape(f"{value:.6g}" if values.dtype.kind == "f" else str(value))
+    return escaped(f"{value:.6g}" if values.dtype.kind == "f" else str(value))

@@ -20,6 +20,8 @@ ORDER = (
     "planner.core_source",
     "planner.compiled",
     "planner.types",
+    "planner.sets",
+    "planner.gauss",
     "planner.frames",
     "planner.inputs",
     "planner.quantity",

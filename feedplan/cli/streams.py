@@ -13,7 +13,6 @@ long as the command.  Nothing reaches standard output before the file is whole.
 
 from __future__ import annotations
 
-import shutil
 import sys
 from pathlib import Path
 from types import TracebackType
@@ -49,6 +48,8 @@ class Streams:
                 raise type(error)(self.told(str(error))) from None
             whole = self._output is not None and self._output.exists()
             if whole and (error is None or isinstance(error, click.exceptions.Exit)):
+                import shutil
+
                 with open(str(self._output), "rb") as file:
                     shutil.copyfileobj(file, sys.stdout.buffer)
                 sys.stdout.buffer.flush()

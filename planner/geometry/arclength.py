@@ -11,7 +11,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike
 
 from planner.compiled import core
@@ -82,7 +81,7 @@ class ArcLength:
         series = np.concatenate([item[2] for item in done])
         order = np.argsort(lo)
         lo, hi, series = lo[order], hi[order], series[order]
-        length_series = chebyshev.chebint(series, lbnd=-1, axis=1) * (0.5 * (hi - lo))[:, None]
+        length_series = _integrals(series) * (0.5 * (hi - lo))[:, None]
         each = np.maximum(length_series.sum(axis=1), 0.0)  # T_k(1) = 1
         lengths = np.concatenate([[0.0], np.cumsum(each)])
         arrays = (np.append(lo, hi[-1]), lengths, np.ascontiguousarray(length_series), np.ascontiguousarray(series))
@@ -113,10 +112,8 @@ class ArcLength:
         panel = min(max(panel, 0), self.edges.size - 2)
         half = 0.5 * (self.edges[panel + 1] - self.edges[panel])
         x = (u - self.edges[panel]) / half - 1.0
-        series = self._speeds[panel]
-        derivatives = (chebyshev.chebval(x, chebyshev.chebder(series, k)) / half**k for k in range(3))
-        first, second, third = (float(value) for value in derivatives)
-        return first, second, third
+        first, second, third = (_chebyshev(x, self._speeds.shape[1]) @ self._speeds[panel]).tolist()
+        return first, second / half, third / half**2
 
     def u(self, s: ArrayLike, *, side: Side = "right") -> FloatArray:
         """Curve parameter at arc length s (any shape).
@@ -158,6 +155,29 @@ def _speed_series(speed: Callable[[FloatArray], FloatArray], lo: FloatArray, hi:
     to_series[0] *= 0.5
     at = 0.5 * (lo + hi)[:, None] + 0.5 * (hi - lo)[:, None] * np.cos(angles)
     return np.asarray(speed(at.reshape(-1)).reshape(-1, _NODES) @ to_series.T)
+
+
+def _integrals(series: FloatArray) -> FloatArray:
+    """Chebyshev series of the integrals from -1, one a row: of T_k, (T_{k+1}/(k+1) - T_{k-1}/(k-1)) / 2."""
+    count = series.shape[1]
+    above = np.pad(series, ((0, 0), (1, 0)))
+    below = np.pad(series[:, 2:], ((0, 0), (0, 2)))
+    above[:, 1] *= 2.0  # T_0 alone is twice what the rule says
+    degree = np.arange(1, count + 1)
+    integral = np.zeros_like(above)
+    integral[:, 1:] = (above[:, 1:] - below) / (2.0 * degree)
+    integral[:, 0] = -(integral[:, 1:] @ (-1.0) ** degree)  # nothing at -1, where T_k is (-1)^k
+    return integral
+
+
+def _chebyshev(x: float, count: int) -> FloatArray:
+    """T_k and its first two derivatives at x, (3, count), by the recurrence T_{k+1} = 2 x T_k - T_{k-1}."""
+    rows = np.zeros((3, max(count, 2)))
+    rows[0, :2], rows[1, 1] = (1.0, x), 1.0
+    for k in range(2, count):
+        rows[:, k] = 2.0 * x * rows[:, k - 1] - rows[:, k - 2]
+        rows[1:, k] += (2.0 * rows[0, k - 1], 4.0 * rows[1, k - 1])
+    return rows[:, :count]
 
 
 def _within(values: ArrayLike, lo: float, hi: float, what: str) -> FloatArray:

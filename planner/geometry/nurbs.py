@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from planner.errors import CurveError
 from planner.geometry.curve import DEFAULT_AXES, Curve, Pieces, axis_names, require_regular
 from planner.inputs import numbers, shorten
+from planner.sets import union
 from planner.types import BoolArray, FloatArray
 
 MAX_DEGREE = 100  # a bound on the work; the digits would last longer
@@ -107,7 +108,7 @@ class NurbsCurve(Curve):
     def _spans(self) -> FloatArray:
         """Distinct knots within the domain, ends included."""
         u0, u1 = self.domain
-        return np.unique(self.knots[(self.knots >= u0) & (self.knots <= u1)])
+        return union(self.knots[(self.knots >= u0) & (self.knots <= u1)])
 
     @cached_property
     def pieces(self) -> Pieces:
@@ -197,7 +198,7 @@ def _subdivide(edges: FloatArray, parts: int) -> FloatArray:
     steps = np.arange(1, parts) / parts
     wide = np.diff(edges) > _DIGITS_OF_A_PART * parts * np.spacing(np.abs(edges).max())
     inner = edges[:-1][wide, None] + np.diff(edges)[wide, None] * steps
-    return np.union1d(edges, inner)
+    return union(edges, inner)
 
 
 def _finite(values: ArrayLike, what: str, name: str) -> FloatArray:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from html import escape
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from planner.errors import InputError
+from planner.frames import escaped
 from planner.geometry.curve import ROTARY_AXES, Curve, axis_names
 from planner.inputs import numbers, positive_number, require_instance
 from planner.quantity import AXIS, CHORD_ERROR, FEED, PATH, QUANTITIES, TANGENTIAL, Quantity
@@ -187,7 +187,7 @@ class Limits:
             else:
                 rows.append((q.label, "path", f"{getattr(self, q.key):.6g} {q.unit()}"))
         rows += [(RAPID, "path", f"{self.rapid:.6g} {FEED.unit()}"), (PERIOD, "", f"{self.period:.6g} s")]
-        lines = ("".join(f"<td>{escape(cell)}</td>" for cell in row) for row in rows if not row[2].startswith("inf "))
+        lines = ("".join(f"<td>{escaped(cell)}</td>" for cell in row) for row in rows if not row[2].startswith("inf "))
         return "<table>" + "".join(f"<tr>{line}</tr>" for line in lines) + "</table>"
 
     def with_feed(self, feed: float) -> Limits:

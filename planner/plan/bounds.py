@@ -25,6 +25,7 @@ from planner.plan.jumps import STEP_SEEN
 from planner.plan.knots import place_knots, with_blends
 from planner.plan.section import Section, sections_between
 from planner.profile import BOUND_TOLERANCE, FeedrateProfile
+from planner.sets import union
 from planner.verify import check
 
 INTERVALS = 1000
@@ -198,9 +199,9 @@ def _certified(
 def _stops(profile: FeedrateProfile) -> dict[float, float]:
     """Parameters inside the path at which the plan stops, and the corners, where every plan has to."""
     resting = profile.u[profile.u_rate == 0.0]
-    corners = [b.u for b in profile.curve.breaks if b.is_corner]
+    corners = np.array([b.u for b in profile.curve.breaks if b.is_corner], dtype=float)
     u0, u1 = profile.curve.domain
-    return {float(u): 0.0 for u in np.union1d(resting, corners) if u0 < u < u1}
+    return {float(u): 0.0 for u in union(resting, corners) if u0 < u < u1}
 
 
 def _is_periodic(curve: Curve, profile: FeedrateProfile) -> bool:

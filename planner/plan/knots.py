@@ -19,6 +19,7 @@ from planner.plan.ends import Rest
 from planner.plan.guess import FeedGuess, breaks_inside, least_times
 from planner.plan.rest_map import BLEND_LENGTH
 from planner.plan.section import Section
+from planner.sets import union
 from planner.types import FloatArray
 
 _UNIFORM, _TIME, _TURNING = 0.2, 0.5, 0.3
@@ -92,7 +93,11 @@ def with_blends(section: Section, guess: FeedGuess) -> Section:
 def _at_stop(allowed: FloatArray, at: int) -> float:
     """Acceleration or jerk at a stop; where no axis with a limit moves there, what is usual along the path."""
     usual = allowed[np.isfinite(allowed)]
-    return float(min(allowed[at], _UNUSUAL * np.median(usual))) if usual.size else float(allowed[at])
+    if not usual.size:
+        return float(allowed[at])
+    usual = np.sort(usual)
+    median = 0.5 * (usual[(usual.size - 1) // 2] + usual[usual.size // 2])
+    return float(min(allowed[at], _UNUSUAL * median))
 
 
 def place_knots(section: Section, guess: FeedGuess, intervals: int, *, follow: bool = False) -> Grid:
@@ -105,7 +110,7 @@ def place_knots(section: Section, guess: FeedGuess, intervals: int, *, follow: b
     straight = guess.y - section.y_start + (1.0 - BLEND_LENGTH) * w0
     straight = straight[(straight > w0) & (straight < span - w1)]
     blend = np.linspace(0.0, 1.0, 8 * _BLEND_KNOTS + 1)
-    sigma = np.unique(np.concatenate([blend * w0, straight, span - blend * w1]))
+    sigma = union(blend * w0, straight, span - blend * w1)
     # A break may lie on a sample but for rounding; such a sliver has no density of its own.
     sigma = sigma[np.append(np.diff(sigma) > _SLIVER * span, True)]
     sigma[0] = 0.0

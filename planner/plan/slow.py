@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from planner.geometry.curve import Curve, golden_minimum
 from planner.geometry.differential import dot
+from planner.sets import union
 from planner.types import FloatArray
 
 _CHANGE = 0.5  # of log |C'| from sample to sample
@@ -32,7 +33,7 @@ def resolved(curve: Curve, weights: FloatArray, u: FloatArray) -> FloatArray:
     lowest = _minima(square(u))
     if lowest.size:
         slow, _ = golden_minimum(square, u[lowest - 1], u[lowest + 1], _PASSES)
-        u = np.union1d(u, slow)
+        u = union(u, slow)
     added = [u[:0] if not lowest.size else slow]
     lo, hi = u[:-1], u[1:]
     before, after = np.split(_log(square, np.concatenate([lo, np.nextafter(hi, lo)])), 2)

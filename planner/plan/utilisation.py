@@ -14,6 +14,7 @@ from planner.machine.feed_limits import commanded_feed
 from planner.machine.limit_rows import limit_rows
 from planner.machine.limits import Limits
 from planner.plan.jumps import JERK_BESIDE_STEP, beside_jumps
+from planner.sets import union
 from planner.types import FloatArray
 
 # Points an interval: an interval of a solver has two nodes' intervals, hence 10 points, and parabolas between.  A stretch
@@ -82,7 +83,7 @@ def utilisation(curve: Curve, limits: Limits, law: TimeLaw) -> Utilisation:
 def _points(curve: Curve, law: TimeLaw, step: FloatArray) -> NDArray[np.intp]:
     """At how many points to look at each interval: by its share of the time of its stretch between breaks."""
     breaks = np.searchsorted(law.u, curve._candidate_breaks(), side="right") - 1
-    starts = np.unique(np.concatenate([[0], np.clip(breaks, 0, step.size - 1)]))
+    starts = union(np.zeros(1, dtype=np.intp), np.clip(breaks, 0, step.size - 1))
     time = np.repeat(np.add.reduceat(step, starts), np.diff(starts, append=step.size))
     share = np.divide(step, time, out=np.ones_like(step), where=time > 0.0)
     return np.clip(np.ceil(_POINTS_PER_STRETCH * share), _POINTS_PER_INTERVAL, _POINTS_PER_STRETCH).astype(np.intp)

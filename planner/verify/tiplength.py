@@ -11,8 +11,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from planner.gauss import gauss_legendre
 from planner.geometry.curve import Curve
 from planner.geometry.differential import dot, norm
+from planner.sets import union
 from planner.types import FloatArray
 from planner.verify.peaks import chunks, zoom
 from planner.verify.sizes import EPS, LENGTH_ACCURACY
@@ -21,7 +23,7 @@ from planner.verify.sizes import EPS, LENGTH_ACCURACY
 # u.  A turn, however tight, is none.
 _AT_REST = 1e-8
 _REST_SEARCHES = 3  # each narrows the place by 3e4
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
+_NODES, _WEIGHTS = gauss_legendre(3)
 _NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
 _TARGET = 1e-13  # of a step: the disagreement of a sum with that over its halves
 # What is below the first, and not below the second of what it was before halving, is the rounding of |C'|.
@@ -46,7 +48,7 @@ def tip_steps(curve: Curve, u: FloatArray, *, exact: bool = True) -> tuple[Float
         return np.diff(s), rounding + LENGTH_ACCURACY * curve.length + EPS * float(s.max(initial=0.0))
     rests = _rests(curve, u, slope)
     breaks = curve._candidate_breaks()
-    edges = np.union1d(u, np.concatenate([breaks[(breaks > u[0]) & (breaks < u[-1])], rests]))
+    edges = union(u, breaks[(breaks > u[0]) & (breaks < u[-1])], rests)
     middle = 0.5 * (edges[1:] + edges[:-1])
     lengths, doubt = _lengths(tip, edges[:-1], edges[1:])
     sign = 1.0 - 2.0 * (np.searchsorted(rests, middle) % 2)

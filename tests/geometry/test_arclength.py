@@ -9,10 +9,12 @@ import pytest
 from curve_reference import panel_inverse, panel_length
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.polynomial import chebyshev
 from scipy import special
 from strategies import exact_nurbs, nurbs_curves, random_nurbs, span_of
 
 from planner import CATALOG, InputError, load_curve
+from planner.geometry import arclength
 from planner.geometry.arclength import ArcLength, inverse_on_panels
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
@@ -98,6 +100,19 @@ class TestLength:
     def test_length_of_a_formula_with_many_turns(self):
         curve = FormulaCurve({"X": "5*cos(u)", "Y": "5*sin(u)"}, (0.0, 2000.0))
         assert curve.length == pytest.approx(10_000.0, rel=1e-13)
+
+
+@pytest.mark.parametrize("count", [2, 5, 16])
+def test_series_are_integrated_and_derived_as_numpy_does(count):
+    rng = np.random.default_rng(count)
+    series = rng.normal(size=(7, count))
+    expected = chebyshev.chebint(series, lbnd=-1, axis=1)
+    np.testing.assert_allclose(arclength._integrals(series), expected, rtol=0.0, atol=4e-15)
+    for x in (-1.0, 1.0, 0.0, *rng.uniform(-1.0, 1.0, 20)):
+        rows = arclength._chebyshev(x, count)
+        for k in range(3):
+            exact = chebyshev.chebval(x, chebyshev.chebder(np.eye(count), k))
+            np.testing.assert_allclose(rows[k], exact, rtol=0.0, atol=1e-14 * count ** (2 * k))
 
 
 class TestInverse:

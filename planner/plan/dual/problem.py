@@ -15,6 +15,7 @@ from planner.plan.dual.terms import RULE_NODES, RULE_WEIGHTS, Multiplied, Points
 from planner.plan.dual.value import Splines, normalised, seam_price, value
 from planner.plan.ends import Free, Rest
 from planner.plan.section import Section
+from planner.sets import union
 from planner.types import FloatArray, IntArray
 
 ROUNDS = 3
@@ -149,7 +150,7 @@ def problem_of(track: Track, pace: Pace, margin: FloatArray, *, periodic: bool) 
         atoms,
         caps,
         known,
-        np.union1d(fixed, np.arange(count - width + jerks, count)).astype(np.int64),
+        union(fixed, np.arange(count - width + jerks, count, dtype=np.intp)).astype(np.int64),
         seam,
         seam_row,
         seam_cap,

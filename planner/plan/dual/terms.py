@@ -30,6 +30,7 @@ from planner.plan.knots import Grid
 from planner.plan.rows import path_at
 from planner.plan.section import Section, axis_weights
 from planner.quantity import ACCELERATION, JERK, motion_names
+from planner.sets import union
 from planner.types import FloatArray, IntArray
 
 _REVERSAL_SAMPLES = 33  # of a piece
@@ -192,7 +193,7 @@ class Track:
                 triangle.append(0.5 * (triangle[-1][1:] + triangle[-1][:-1]))
             before, after = np.stack([row[0] for row in triangle]), np.stack([row[-1] for row in triangle[::-1]])
             cells, rows = np.tile(cells[doubtful], 2), np.hstack([before, after])
-        return np.unique(cells[(rows < 0.0).any(axis=0)])
+        return union(cells[(rows < 0.0).any(axis=0)])
 
     def points(self, k: IntArray, r: FloatArray) -> Points:
         """Evaluate the path in the cells k at r (both flat), from inside the cells."""

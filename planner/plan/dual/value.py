@@ -23,12 +23,13 @@ from functools import cached_property
 import numpy as np
 
 from planner.compiled import core
+from planner.gauss import gauss_legendre
 from planner.plan.dual.terms import RULE_NODES, Multiplied, Points, Track, jump_cap, largest_steps
 from planner.plan.ends import Feed
 from planner.plan.jumps import STEP_REACH, STEP_SEEN
 from planner.types import FloatArray, IntArray
 
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
+_NODES, _WEIGHTS = gauss_legendre(6)
 _NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
 _TARGET = 1e-9  # of the integral: the difference between parts and halves to be reached
 _LEVELS = 14

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from planner.compiled import core
 from planner.errors import InfeasibleError, SolverError
+from planner.gauss import gauss_legendre
 from planner.law import TimeLaw
 from planner.machine.feed_limits import COMMANDS, command_kind
 from planner.machine.limits import Limits
@@ -182,7 +183,7 @@ class _SpeedGrid:
         with np.errstate(divide="ignore"):
             time = np.asarray(2.0 * h / (root[1:] + root[:-1]))
         k = np.flatnonzero(self.lean)
-        points, weights = np.polynomial.legendre.leggauss(_GAUSS_POINTS)
+        points, weights = gauss_legendre(_GAUSS_POINTS)
         w = 0.5 * (points + 1.0)
         linear = x[k, None] * (1.0 - w) + x[k + 1, None] * w
         bent = linear + 2.0 * (self.lean[k] * h[k])[:, None] * (w * (1.0 - w))

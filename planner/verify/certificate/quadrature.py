@@ -15,13 +15,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from planner.gauss import gauss_legendre
 from planner.geometry.curve import Curve
 from planner.machine.limits import Limits
 from planner.types import FloatArray, IntArray
 from planner.verify.certificate.multipliers import Multipliers
 from planner.verify.certificate.pathspeeds import Bounds, Flags, PathPoints, path_points, stop_caps
 
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
+_NODES, _WEIGHTS = gauss_legendre(8)
 _NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
 _POWERS = np.arange(8)
 # Row i: weights of the integral from the start of a part to its node i.
