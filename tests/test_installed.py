@@ -120,7 +120,7 @@ def test_an_editable_install_says_what_to_type_when_the_source_changes(tree, ven
     assert "OK  every limit holds" in run(plan, bare, tmp_path)[0]
     with (tree / "planner/core.c").open("a") as file:
         file.write("\n/* edited */\n")
-    out, err = run(plan, bare, tmp_path, code=3)
+    out, err = run(plan, bare, tmp_path, code=4)
     assert out == ""
     assert re.fullmatch(r"error: the compiled core \S+ was made from other source .*--editable \.\)\n", err)
     run([venv / "python", "hatch_build.py"], os.environ, tree)

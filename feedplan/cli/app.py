@@ -1,7 +1,7 @@
 """What all commands share: the application, exit codes, what is refused before the work begins, and the verdict.
 
-Exit codes: 0 every limit holds, 1 a limit is broken, 2 bad input, 3 no plan was found, 130 interrupted.  A command loads
-the file named after it and no other, and nothing heavier than click loads before it runs.
+Exit codes: 0 every limit holds, 1 a limit is broken, 2 bad input, 3 no plan was found, 4 the installation is not whole,
+130 interrupted.  A command loads the file named after it and no other, and nothing heavier than click loads before it runs.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, TypedDict
 import click
 
 from planner import __version__
-from planner.errors import BrokenLimitError, FeedrateError, InputError
+from planner.errors import BrokenLimitError, CoreError, FeedrateError, InputError
 from planner.files.formats import file_format
 from planner.files.whole_file import require_writable
 
@@ -33,7 +33,7 @@ class Drawing(TypedDict, total=False):
     width_mm: float
 
 
-BROKEN, BAD_INPUT, NO_PLAN, INTERRUPTED = 1, 2, 3, 130
+BROKEN, BAD_INPUT, NO_PLAN, NOT_WHOLE, INTERRUPTED = 1, 2, 3, 4, 130
 
 _HELP = """\
 Time-optimal, jerk-limited feedrate plans for parametric tool paths.
@@ -58,7 +58,8 @@ Examples:
 
 \b
 Exit codes: 0 every limit holds, 1 a limit is broken or a claim does not hold,
-2 bad input, 3 no plan was found.
+2 bad input, 3 no plan was found, 4 feedplan's compiled core is missing or
+of other source: install it again.
 """
 
 _COMMANDS = ("plan", "check", "replay", "compare", "report", "time", "ngc", "windows", "curves")  # as help lists them
@@ -121,11 +122,14 @@ def exits() -> Iterator[None]:
         if interrupted:
             raise click.exceptions.Exit(INTERRUPTED) from None
         click.echo(f"error: {error}", err=True)
-        if isinstance(error, BrokenLimitError):
-            raise click.exceptions.Exit(BROKEN) from None
-        raise click.exceptions.Exit(BAD_INPUT if isinstance(error, InputError) else NO_PLAN) from None
+        raise click.exceptions.Exit(_code(error)) from None
     finally:
         signal.signal(signal.SIGINT, previous)
+
+
+def _code(error: FeedrateError) -> int:
+    codes = {BrokenLimitError: BROKEN, InputError: BAD_INPUT, CoreError: NOT_WHOLE}
+    return next((code for kind, code in codes.items() if isinstance(error, kind)), NO_PLAN)
 
 
 def require_apart(outputs: Sequence[Path | None], inputs: Sequence[str | Path | None]) -> None:

@@ -225,7 +225,7 @@ def _atoms(track: Track, of: Multiplied, length: float, tau: float) -> tuple[Flo
 
 def _conditions(
     track: Track, of: Multiplied, length: float, tau: float, periodic: bool
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray | None, float]:
+) -> tuple[FloatArray, IntArray, FloatArray, FloatArray | None, float]:
     """What the ends say: known terms b, unknowns that are 0, and conditions, row of G and cap of a seam."""
     section, units = track.section, (length, tau)
     jerks, width = of.jerk.size, of.jerk.size + of.acceleration.size
