@@ -12,9 +12,9 @@ from __future__ import annotations
 import json
 import os
 import resource
-import shutil
 import subprocess
 import sys
+import sysconfig
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -24,9 +24,10 @@ from typing import Any
 from unittest.mock import patch
 
 HERE = Path(__file__).resolve().parents[1]
-_PACKAGES = ("planner", "interp", "feedplan")
-_COMMAND = ("-m", "feedplan", "plan", "circle")
+_COMMAND = ("plan", "circle")
 _NUMPY = ("-c", "import numpy")
+_PIP, _OFFLINE = ("-m", "pip", "-q"), ("--no-deps", "--no-index")
+_NOT_PASSED_ON = ("PYTHONDONTWRITEBYTECODE", "PYTHONPATH", "NUMBA_CACHE_DIR")
 _PLANAR = ("circle", "teardrop", "butterfly-nurbs")
 _PERIOD = 1e-3  # s
 _PATIENCE = 3600  # s
@@ -40,20 +41,22 @@ class AbsentError(Exception):
 # ---- called by the benchmark ---------------------------------------------------------------------------------------
 
 
-def start_up(repeats: int, first_repeats: int, checkout: Path = HERE) -> dict[str, Any]:
+def start_up(repeats: int, first_repeats: int) -> dict[str, Any]:
     """CPU time of whole processes, s: ``feedplan plan circle`` and, in turn with it, ``import numpy``.
 
-    "first" is the first command after a fresh install: the packages are copied without any cache, not even bytecode.
+    As a user has it: the command that pip puts into a new environment, with the bytecode that pip compiles.  "first" is the
+    first command after the installation.
     """
     first, later, numpy_alone = [], [], []
     with tempfile.TemporaryDirectory() as folder:
+        wheel = built_wheel(HERE, Path(folder))
         for k in range(first_repeats):
-            fresh = fresh_copy(checkout, Path(folder) / f"{k}")
-            numpy_alone.append(children_cpu(_NUMPY, fresh))
-            first.append(children_cpu(_COMMAND, fresh))
+            commands = installed(wheel, Path(folder) / f"{k}")
+            first.append(children_cpu([commands / "feedplan", *_COMMAND]))
+            numpy_alone.append(children_cpu([commands / "python", *_NUMPY]))
         for _ in range(repeats):
-            numpy_alone.append(children_cpu(_NUMPY, fresh))
-            later.append(children_cpu(_COMMAND, fresh))
+            numpy_alone.append(children_cpu([commands / "python", *_NUMPY]))
+            later.append(children_cpu([commands / "feedplan", *_COMMAND]))
     alone = median(numpy_alone)
     return {
         "numpy_cpu_s": alone,
@@ -64,35 +67,49 @@ def start_up(repeats: int, first_repeats: int, checkout: Path = HERE) -> dict[st
     }
 
 
-def fresh_copy(checkout: Path, folder: Path) -> Path:
-    """Copy the packages as an installation puts them, without anything cached."""
-    folder.mkdir()
-    for name in _PACKAGES:
-        shutil.copytree(checkout / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
-    return folder
+def built_wheel(checkout: Path, folder: Path) -> Path:
+    """Build the wheel of a checkout with what is installed here."""
+    _run([sys.executable, *_PIP, "wheel", *_OFFLINE, "--no-build-isolation", "-w", str(folder), str(checkout)], folder)
+    (wheel,) = folder.glob("*.whl")
+    return wheel
 
 
-def children_cpu(arguments: Sequence[str], packages: Path) -> float:
-    """CPU time of a Python process and of all that it starts, s."""
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    run_python(arguments, packages)
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+def installed(wheel: Path, folder: Path) -> Path:
+    """Install a wheel into a new environment, which has the libraries of this one; returns its folder of commands."""
+    _run([sys.executable, "-m", "venv", "--without-pip", str(folder)], folder.parent)
+    place = {name: Path(sysconfig.get_path(name, "venv", {"base": str(folder)})) for name in ("purelib", "scripts")}
+    sites = [path for path in sys.path if path.endswith("site-packages")]
+    (place["purelib"] / "libraries.pth").write_text("\n".join(sites), encoding="utf-8")
+    python = str(place["scripts"] / "python")
+    _run([sys.executable, *_PIP, "--python", python, "install", *_OFFLINE, str(wheel)], folder)
+    return place["scripts"]
+
+
+def children_cpu(command: Sequence[str | Path]) -> float:
+    """CPU time of a process and of all that it starts, s."""
+    with tempfile.TemporaryDirectory() as folder:
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        _run(command, Path(folder))
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
     return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
 def run_python(arguments: Sequence[str], packages: Path) -> str:
-    """Run Python with a checkout, or a copy of its packages, before what is installed; returns what it printed.
+    """Run Python with a checkout before what is installed; returns what it printed.  AbsentError if it fails."""
+    return _run([sys.executable, "-P", *arguments], packages, PYTHONPATH=str(packages))
 
-    Raises
-    ------
-    AbsentError
-        If it fails.
-    """
-    environment = {**os.environ, "PYTHONPATH": str(packages), "OPENBLAS_NUM_THREADS": "1"}
-    environment.pop("NUMBA_CACHE_DIR", None)
-    command = [sys.executable, "-P", *arguments]
+
+def _run(command: Sequence[str | Path], folder: Path, **environment: str) -> str:
+    # Bytecode is written and read as it usually is, whatever this process was told.
+    kept = {name: value for name, value in os.environ.items() if name not in _NOT_PASSED_ON}
     done = subprocess.run(
-        command, cwd=packages, env=environment, capture_output=True, text=True, timeout=_PATIENCE, check=False
+        list(map(str, command)),
+        cwd=folder,
+        env={**kept, "OPENBLAS_NUM_THREADS": "1", **environment},
+        capture_output=True,
+        text=True,
+        timeout=_PATIENCE,
+        check=False,
     )
     if done.returncode != 0:
         raise AbsentError((done.stderr.strip() or done.stdout.strip()).splitlines()[-1])

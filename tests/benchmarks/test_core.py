@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from math import inf
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -124,11 +125,15 @@ def test_a_plan_that_fails_its_check_scores_no_time(monkeypatch):
 
 
 class TestProcesses:
-    def test_a_copy_has_nothing_cached(self, tmp_path):
-        copy = processes.fresh_copy(PROJECT, tmp_path / "copy")
-        assert (copy / "feedplan" / "cli" / "__init__.py").exists()
-        assert not list(copy.rglob("__pycache__"))
-        assert processes.children_cpu(["-c", "import planner; assert 'copy' in planner.__file__"], copy) > 0.0
+    def test_a_start_is_that_of_an_installed_command(self, tmp_path):
+        """Where pip puts it, with the bytecode that pip compiles, although this process may write none."""
+        pytest.importorskip("hatchling", reason="builds a wheel")
+        commands = processes.installed(processes.built_wheel(PROJECT, tmp_path), tmp_path / "new")
+        where = "import planner; print(planner.__file__, planner.__cached__)"
+        file, cached = processes._run([commands / "python", "-c", where], tmp_path).split()
+        assert Path(file).is_relative_to(tmp_path / "new")
+        assert Path(cached).exists()
+        assert processes.children_cpu([commands / "feedplan", "plan", "circle", "--intervals", "60"]) > 0.0
 
     def test_a_failure_is_named(self, tmp_path):
         with pytest.raises(processes.AbsentError, match="ModuleNotFoundError: No module named 'absent'"):
@@ -136,7 +141,7 @@ class TestProcesses:
 
     def test_the_work_of_a_child_is_counted(self, tmp_path):
         busy = "from time import process_time\nwhile process_time() < 0.3: pass"
-        assert 0.3 <= processes.children_cpu(["-c", busy], tmp_path) < 1.0
+        assert 0.3 <= processes.children_cpu([sys.executable, "-c", busy]) < 1.0
 
     @pytest.mark.skipif(sys.platform != "linux", reason="memory is read from /proc")
     def test_memory_is_that_of_this_process(self):
