@@ -14,7 +14,7 @@ PACKAGES = ("planner", "interp", "feedplan")
 # Modules without a file of their own, by the file that tests them: they are parts of what is named there.
 ELSEWHERE = {
     "test_compiled.py": ("planner.core_source",),
-    "feedplan/cli/test_plan.py": ("feedplan.cli.app", "feedplan.cli.check", "feedplan.cli.replay", "feedplan.progress"),
+    "feedplan/cli/test_plan.py": ("feedplan.cli.check", "feedplan.cli.replay", "feedplan.progress"),
     "feedplan/cli/test_programs.py": ("feedplan.cli.ngc", "feedplan.cli.time", "feedplan.cli.windows"),
     "feedplan/comparison/test_comparison.py": tuple(
         f"feedplan.comparison{name}" for name in (".judgement", ".methods", ".result")
