@@ -22,7 +22,7 @@ QUICK = "--intervals 60"
 
 
 @pytest.fixture
-def sh(compiled, tmp_path):
+def sh(tmp_path):
     """Run a line of a shell in an empty folder; ``feedplan`` is the command."""
 
     def line(text, given=b"", code=0):
