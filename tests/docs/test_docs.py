@@ -214,7 +214,9 @@ def understood(text):
         return True
     if words[0] == "python":
         return importlib.util.find_spec(words[2]) is not None if words[1] == "-m" else (PROJECT / words[1]).is_file()
-    command = app.get_command(click.Context(app), words[1]) if words[0] == "feedplan" else None
+    # A command keeps the names of its option for help as it first sees them: from its group, which has two.
+    group = click.Context(app, info_name="feedplan", **app.context_settings)
+    command = app.get_command(group, words[1]) if words[0] == "feedplan" else None
     if command is not None:
-        command.make_context(words[1], words[2:])  # raises for what it does not take
+        command.make_context(words[1], words[2:], parent=group)  # raises for what it does not take
     return command is not None
