@@ -254,9 +254,13 @@ def hold_chords(plan: SectionPlan) -> SectionPlan:
         needed = float(law.t[-1]) * max(1.0, float(np.sqrt(shares.max())))
         if needed < shortest:
             shortest, kept = needed, (law, attempt, best)
-        if shares.max() <= MET_CHORD or time.perf_counter() > task.deadline:
+        met = bool(shares.max() <= MET_CHORD)
+        if (met and best.slowdown <= WORTH_SAYING) or time.perf_counter() > task.deadline:
             break
-        stage, attempt = stage.slower(task, attempt, best.used, stage.knot_times(law), times, shares)
+        if met:  # and the other limits are not, or only once it is slowed down as a whole
+            stage, attempt = stage.next(task, attempt, best.used, may_split=False)
+        else:
+            stage, attempt = stage.slower(task, attempt, best.used, stage.knot_times(law), times, shares)
         if work + _USUAL_ITERATIONS * stage.grid.intervals > _MAX_WORK:
             break
         with suppress(SolverError, InfeasibleError):
