@@ -6,8 +6,9 @@ at a limit or along one, to another.  A straight jump at the time
     t_s = ( integral of j over [t_0, t_1] - j_1 t_1 + j_0 t_0 ) / (j_0 - j_1)
 
 between the same two levels has the same integral: it leaves the axis with the same acceleration.  That is where the switch
-is, to some tenths of an interval.  It is looked for on grids without knots at switches alone; where there is one already,
-the smear is on one side of it, and the formula does not settle.
+is, to some tenths of an interval.  Where a macro ends within the smear, the jerk jumps part of the way at the double knot
+there: that belongs to the same run.  Switches are looked for on grids without knots at switches alone; where there is one
+already, the smear is on one side of it, and the formula does not settle.
 
 Known limitation: along the largest speed the jerk is a matter of a solver's last digits and has no level; the switches to
 and from there are left to the changes, which draw knots as well.
@@ -45,9 +46,9 @@ def jerk_changes(problem: Constraints, states: FloatArray, time: FloatArray) -> 
     each = np.abs(np.diff(levels, axis=1)).reshape(rows.shape[0], n, stride).sum(axis=2)
     change = each.max(axis=0)
     at_cap = (z[0] / problem.cap)[:-1].reshape(n, stride).min(axis=1) > _AT_CAP
-    change[problem.h == 0.0] = 0.0  # a jump at a double knot is resolved
+    # a jump at the end of a macro takes part of a smear beside it along
     switches = _switches(levels, change, at_cap, time, stride)
-    change[at_cap] = 0.0
+    change[at_cap | (problem.h == 0.0)] = 0.0  # a jump at a double knot is resolved
     return JerkChanges(time, change, switches)
 
 
