@@ -1,5 +1,6 @@
 """Curves and machines at the edges: each is planned and passes the check, or is refused with place and reason."""
 
+import json
 import re
 import warnings
 
@@ -11,6 +12,7 @@ from extreme import extreme_case
 from interp import replay
 from planner import check, load_curve, load_limits, plan_feedrate
 from planner.errors import FeedrateError, SolverError
+from planner.geometry.nurbs import NurbsCurve
 from planner.plan.solvers import interior as optimal
 
 
@@ -39,7 +41,36 @@ def of_file(seed):
 
 @pytest.mark.parametrize("seed", [12, 20, 36, 53, 60, 107])
 def test_a_curve_that_once_broke_a_limit_is_planned(seed):
+    """Of seed 53 a digit of u is worth up to 24 mm of 2e7: the check proves the plan right, and its samples."""
     assert of_file(seed) == "planned"
+
+
+@pytest.mark.parametrize("away", [7e3, 7e4, 7e6])
+def test_a_curve_beyond_the_digits_of_a_plan_is_refused_with_place_and_reason(away):
+    """Seed 53, of which a digit of u is 24 mm where it begins at -67, further from 0: its legs are 2e7 mm."""
+    given = json.loads((CURVES / "seed53.json").read_text(encoding="utf-8"))["curve"]
+    knots = np.array(given["knots"]) - away
+
+    def moved():
+        return NurbsCurve(given["control_points"], knots, given["degree"], given["weights"], given["axes"])
+
+    refused = outcome(moved, load_limits(CURVES / "seed53.toml"))
+    assert re.match(r"CurveError: .*a digit of u is worth [\d.e-]+ of the path between u = -[\d.]+ and", refused)
+
+
+@pytest.mark.parametrize(
+    ("seed", "why"),
+    [
+        (36, r"\|C'\| falls to [\d.e-]+ of its largest value on its piece at u = 0.0376"),
+        (53, r"a digit of u is worth 0.0264 mm of the path at u = -67.0948869"),  # its first leg
+    ],
+)
+def test_a_solve_that_fails_on_such_a_curve_says_what_is_special_there(monkeypatch, seed, why):
+    def fails(*_args, **_options):
+        raise SolverError("planted")
+
+    monkeypatch.setattr(optimal, "solve_interior", fails)
+    assert re.match(rf"CurveError: .*planted.*{why}", of_file(seed))
 
 
 def test_a_solve_that_fails_names_its_stretch(monkeypatch):
