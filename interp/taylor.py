@@ -29,6 +29,7 @@ from planner.errors import InputError
 from planner.geometry.curve import Curve, Pieces
 from planner.inputs import require_instance
 from planner.profile import FeedrateProfile
+from planner.sets import union
 from planner.types import FloatArray
 
 __all__ = ["InterpolatorTable", "TaylorTable", "last_sample", "quintic_step", "start", "taylor_step"]
@@ -237,7 +238,7 @@ def packed_curve(curve: Curve) -> FloatArray:
     axes, tip = curve.pieces, curve.tip.pieces
     if curve.tip is curve:
         return packed_pieces(axes.breaks, axes.powers, rational=axes.rational)
-    breaks = np.union1d(axes.breaks, tip.breaks)
+    breaks = union(axes.breaks, tip.breaks)
     return packed_pieces(breaks, _refined(axes, breaks), _refined(tip, breaks))
 
 

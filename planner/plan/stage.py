@@ -52,7 +52,7 @@ _CONTINUED_GAIN = 2.0
 # An interior point needs room above a feed that is prescribed at its limit.
 _PRESCRIBED_ROOM = 1e-9
 # How the speed is held where chords are too far from the path, and the length of intervals there in periods.
-_CHORD_POWER, _MIN_HOLD, _MAX_HOLD, _CHORD_SPACING = 0.52, 1.001, 3.0, 0.25
+_CHORD_POWER, _MIN_HOLD, _MAX_HOLD, _CHORD_SPACING = 0.56, 1.001, 3.0, 0.25
 
 
 @dataclass(frozen=True, eq=False)

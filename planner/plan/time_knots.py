@@ -26,6 +26,7 @@ from planner.plan.jumps import PERIODS_AROUND_STEP
 from planner.plan.knots import followed
 from planner.plan.section import Section
 from planner.plan.time_map import TimeMap
+from planner.sets import union
 from planner.types import FloatArray, IntArray
 
 _PER_MACRO = 12
@@ -86,7 +87,8 @@ class TimeGrid:
     def at_breaks(self) -> NDArray[np.bool_]:
         """Ends of macros (K,) that are breaks of the path, or its end."""
         ends = self.map.u[1:]
-        found = np.isin(ends, breaks_inside(self.map.section))
+        breaks = np.append(breaks_inside(self.map.section), np.inf)
+        found = np.asarray(breaks[np.searchsorted(breaks, ends)] == ends)
         found[-1] = True
         return found
 
@@ -112,7 +114,7 @@ class TimeGrid:
             If that law falls back.
         """
         on = TimeMap.from_law(self.map.section, law, np.append(0.0, time[self.left]), periodic=periodic)
-        return _on_map(on, np.unique(time))
+        return _on_map(on, union(time))
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +151,7 @@ def place_in_time(
         ends = _with_switches(ends, changes.switches, _APART * total / np.count_nonzero(np.diff(changes.time) > 0.0))
     edges, rate = _rates(changes, ends)
     share = 0.0 if even else _CHANGES
-    fine = np.union1d(edges, np.linspace(0.0, total, _PER_INTERVAL * intervals + 1))
+    fine = union(edges, np.linspace(0.0, total, _PER_INTERVAL * intervals + 1))
     fine = fine[np.append(np.diff(fine) > _SLIVER * total, True)]
     fine[0] = 0.0
     middle = 0.5 * (fine[1:] + fine[:-1])
@@ -186,7 +188,7 @@ def place_in_time(
 
 def _on_map(on: TimeMap, knots: FloatArray) -> TimeGrid:
     """Put increasing knots, the ends of the macros among them, on a map that may have more macros."""
-    knots = np.union1d(knots, on.sigma)
+    knots = union(knots, on.sigma)
     inner = np.searchsorted(knots, on.sigma[1:-1])
     sigma = np.insert(knots, inner, on.sigma[1:-1])
     left = np.append(inner + np.arange(inner.size), sigma.size - 1)
@@ -201,7 +203,7 @@ def _with_switches(ends: FloatArray, switches: FloatArray, apart: float) -> Floa
     near = np.minimum(switches - ends[after - 1], ends[after] - switches)
     kept = switches[near > apart]
     kept = kept[np.append(True, np.diff(kept) > apart)[: kept.size]]
-    return np.union1d(ends, kept)
+    return union(ends, kept)
 
 
 def _rates(changes: JerkChanges, ends: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -211,7 +213,7 @@ def _rates(changes: JerkChanges, ends: FloatArray) -> tuple[FloatArray, FloatArr
     reach = _BEYOND * np.diff(t)[full]
     lo, hi = np.maximum(t[full] - reach, 0.0), np.minimum(t[full + 1] + reach, total)
     share = changes.change[full] / max(float(changes.change.sum()), np.finfo(float).tiny)
-    edges = np.unique(np.concatenate([lo, hi, ends]))
+    edges = union(lo, hi, ends)
     steps = np.bincount(np.searchsorted(edges, lo), share / (hi - lo), edges.size)
     steps -= np.bincount(np.searchsorted(edges, hi), share / (hi - lo), edges.size)
     return edges, np.maximum(np.cumsum(steps)[:-1], 0.0)

@@ -36,6 +36,7 @@ from planner.machine.limits import Limits
 from planner.plan.ends import Free, Rest
 from planner.plan.guess import FeedGuess
 from planner.plan.section import Section, axis_weights
+from planner.sets import union
 from planner.types import BoolArray, FloatArray, IntArray
 
 _HALVINGS = 8
@@ -99,7 +100,7 @@ class TimeMap:
             falling = found.falls_back
             if not falling.any():
                 return found
-            sigma = np.union1d(sigma, 0.5 * (sigma[1:] + sigma[:-1])[falling])
+            sigma = union(sigma, 0.5 * (sigma[1:] + sigma[:-1])[falling])
         place = float(found.u[int(np.argmax(falling))])
         raise SolverError(f"the law that was found on a coarser grid falls back near u = {place:.9g}")
 
@@ -136,7 +137,7 @@ class TimeMap:
             falling = found.falls_back
             if not falling.any():
                 return found
-            t = np.union1d(t, 0.5 * (t[1:] + t[:-1])[falling])
+            t = union(t, 0.5 * (t[1:] + t[:-1])[falling])
         place = float(found.u[int(np.argmax(falling))])
         raise SolverError(f"no guess of the feed goes on steadily near u = {place:.9g}")
 

@@ -287,7 +287,9 @@ class TestPeaks:
         shares = [line[:, 1] for name, line in lines(axes).items() if name in {"X", "Y", "Z"}]
         assert len(shares) == 3
         peaks = [np.abs(share).max() for share in shares]
-        assert max(peaks) < 1.0 + 1e-4  # the nodes lie 70 us apart there, and their rounding is worth 4e-5
+        # The rounding of nodes 70 us apart is worth 4e-5 there, and more with the third power of how close they are.
+        closest = np.diff(profile.t)[np.diff(profile.t) > 0.0].min()
+        assert max(peaks) < 1.0 + 2.5 * 4e-5 * max(1.0, (70e-6 / closest) ** 3)
         assert what != "jerk" or min(peaks) > 0.999
         assert not axes.texts
 

@@ -13,7 +13,6 @@ from interp import replay
 from planner import Curve, InfeasibleError, InputError, Limits, SolverError, check, load_curve, plan_feedrate
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
-from planner.plan import refine
 from planner.plan.solvers import interior as optimal
 from planner.status import Status
 
@@ -136,7 +135,8 @@ def test_sections_are_chained_without_a_gap() -> None:
         for k in range(4)
     ]
     assert four.duration == pytest.approx(sum(side.duration for side in sides), rel=1e-14)
-    assert four.duration == pytest.approx(4.0 * sides[0].duration, rel=refine._ACCEPTED_SLOWDOWN - 1.0)
+    # alike within what 250 intervals are above the optimum: where rounding moves a knot, so does what is tightened
+    assert four.duration == pytest.approx(4.0 * sides[0].duration, rel=1e-5)
     assert four.lower_bound == pytest.approx(sum(side.lower_bound for side in sides), rel=1e-12)
     for key in ("intervals", "iterations"):
         assert getattr(four.work, key) == sum(getattr(side.work, key) for side in sides)
@@ -333,13 +333,12 @@ def test_a_round_that_fails_leaves_the_plan_before_it(monkeypatch: pytest.Monkey
     curve, limits = load_curve("butterfly", scale=10.0), mill()
     whole = plan_feedrate(curve, limits, intervals=500)
     assert whole.work.rounds > 1
-    solve, calls = optimal.solve_interior, []
+    solve = optimal.solve_interior
 
-    def failing(*args: Any, **options: Any) -> Any:
-        calls.append(1)
-        if len(calls) == 4:  # two coarse ones, the fine one, and the round after it
+    def failing(problem: Any, start: Any, **options: Any) -> Any:
+        if isinstance(start, optimal.Waypoint):  # as rounds after the first begin
             raise SolverError("planted")
-        return solve(*args, **options)
+        return solve(problem, start, **options)
 
     monkeypatch.setattr(optimal, "solve_interior", failing)
     profile = plan_feedrate(curve, limits, intervals=500)
