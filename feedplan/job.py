@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -257,6 +257,8 @@ def load_job(
     period: float | None = None,
     tolerance: float | None = None,
     share: float = 1.0,
+    tools: str | Path | None = None,
+    ignore: Sequence[str] = (),
     notice: Callable[[str], None] | None = None,
 ) -> Job:
     """Load a curve, or a part program as a path, and the limits of a machine.
@@ -277,6 +279,10 @@ def load_job(
         Largest distance of the curve from a part program, in place of its P words, or from points, mm.
     share : float
         Part of the tolerance that the curve takes, less than 1 where a program is to be written from the plan.
+    tools : str or Path, optional
+        Tool table for a part program.
+    ignore : sequence of str
+        Words of a part program to pass over, as :func:`planner.read_program` does.
     notice : callable, optional
         Is told what is no error and yet worth knowing.
 
@@ -291,7 +297,9 @@ def load_job(
     if not isinstance(source, Curve) and is_program(source):
         limits, named = load_machine(machine)
         limits = _changed(limits, feed, period)
-        return Job.of(program_curve(source, scale, limits, tolerance, share, notice), limits, named)
+        return Job.of(
+            program_curve(source, scale, limits, tolerance, share, notice, tools=tools, ignore=ignore), limits, named
+        )
     found = plain_curve(source, scale, tolerance, share)
     limits, named = load_machine(machine, "five-axis" if ROTARY_AXES & set(found.curve.axes) else "mill")
     return Job.of(found, _changed(limits.for_curve(found.curve), feed, period), named)
@@ -315,6 +323,8 @@ def load_job_of_table(
     *,
     scale: float = 1.0,
     tolerance: float | None = None,
+    tools: str | Path | None = None,
+    ignore: Sequence[str] = (),
 ) -> Job:
     """Load the curve a table was planned for, and the limits of a machine; without one, those in the table's header.
 
@@ -329,7 +339,9 @@ def load_job_of_table(
     tolerance = said.mm if tolerance is None else _positive(tolerance)
     if not isinstance(source, Curve) and is_program(source):
         weights = load_limits(said.machine) if said.machine else own
-        found = program_curve(source, scale, weights, tolerance, said.share, widen=not said.machine)
+        found = program_curve(
+            source, scale, weights, tolerance, said.share, tools=tools, ignore=ignore, widen=not said.machine
+        )
     else:
         found = plain_curve(source, scale, tolerance, said.share)
     if machine is None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
@@ -100,11 +100,14 @@ def program_curve(
     share: float,
     notice: Callable[[str], None] | None = None,
     *,
+    tools: str | Path | None = None,
+    ignore: Sequence[str] = (),
     widen: bool = False,
 ) -> SourceCurve:
     """Make the path of a part program, which takes its share of the tolerance.
 
-    ``notice`` is told of a long one.  ``widen``: the limits are those of the axes that move, as a table has them.
+    ``notice`` is told of a long one; ``tools`` and ``ignore`` are for :func:`planner.read_program`.  ``widen``: the
+    limits are those of the axes that move, as a table has them.
     """
     import numpy as np
 
@@ -113,7 +116,7 @@ def program_curve(
     from planner.programs.source import given_tolerances, path_of, require_unscaled
 
     require_unscaled(source, scale)
-    program = read_program(source)
+    program = read_program(source, tools=tools, ignore=ignore)
     if len(program) > _LONG and notice is not None:
         notice(
             f"{source}: {len(program)} moves are planned as a whole here, which takes memory; "

@@ -56,8 +56,23 @@ ELSEWHERE = {
         "planner.programs.path.tube_knots",
         "planner.programs.reading.noise",
     ),
+    "programs/reading/test_offsets.py": tuple(
+        f"planner.programs.reading.{name}" for name in ("acts", "setup", "unread")
+    ),
+    "programs/reading/test_refusals.py": ("planner.programs.reading.rules",),
     "programs/reading/test_reader.py": tuple(
-        f"planner.programs.reading.{name}" for name in ("arcs", "blocks", "modal", "program", "words")
+        f"planner.programs.reading.{name}"
+        for name in (
+            "arcs",
+            "blocks",
+            "language",
+            "modal",
+            "move_making",
+            "positions",
+            "program",
+            "program_events",
+            "words",
+        )
     ),
     "verify/certificate/test_certificate.py": (
         "planner.verify.places",

@@ -18,6 +18,8 @@ from feedplan.job import load_job_of_table
 @options.curve
 @options.machine
 @options.tolerance
+@options.tools
+@options.ignore
 @options.scale
 @click.option("--certificate", type=options.FILE, help="Certificate of its lower bound, .npz.")
 @options.as_json
@@ -27,6 +29,8 @@ def check(
     *,
     machine: str | None,
     tolerance_mm: float | None,
+    tools: Path | None,
+    ignore: tuple[str, ...],
     scale: float,
     certificate: Path | None,
     as_json: bool,
@@ -41,7 +45,7 @@ def check(
         from planner import read_table
 
         table, curve = at.table(table), at.curve(curve)
-        job = load_job_of_table(table, curve, machine, scale=scale, tolerance=tolerance_mm)
+        job = load_job_of_table(table, curve, machine, scale=scale, tolerance=tolerance_mm, tools=tools, ignore=ignore)
         with ProgressLine() as line:
             line("reading the table")
             verdict = job.judge(read_table(table, job.curve), line)

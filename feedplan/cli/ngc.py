@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 @options.machine
 @click.option("--table", type=options.FILE, help="Feedrate table of the plan, in place of planning.")
 @click.option("--tolerance-mm", type=float, help="Distance allowed between the program and the CURVE.")
+@options.tools
+@options.ignore
 @click.option("--inverse-time", is_flag=True, help="G93: F as blocks a minute.")
 @click.option("--block-time-s", type=float, default=0.01, help="Longest time of a block.")
 @options.commanded_feed
@@ -46,6 +48,8 @@ def ngc(
     machine: str | None,
     table: Path | None,
     tolerance_mm: float | None,
+    tools: Path | None,
+    ignore: tuple[str, ...],
     inverse_time: bool,
     block_time_s: float,
     feed_mm_s: float | None,
@@ -72,11 +76,15 @@ def ngc(
                 scale=scale,
                 feed=feed_mm_s,
                 tolerance=tolerance_mm,
+                tools=tools,
+                ignore=ignore,
                 share=PATH_SHARE,
                 notice=notice,
             )
         else:
-            job = _job_of_table(table, curve, scale, tolerance_mm)
+            job = _job_of_table(
+                load_job_of_table(table, curve, scale=scale, tools=tools, ignore=ignore), table, tolerance_mm
+            )
         from feedplan.progress import ProgressLine
         from planner import read_table
 
@@ -109,13 +117,12 @@ def ngc(
             click.echo("\n".join([text, *shared]), err=at.taken)
 
 
-def _job_of_table(table: Path, curve: str, scale: float, tolerance: float | None) -> Job:
-    """Load the curve of a table; the blocks get what its path leaves of the tolerance."""
+def _job_of_table(job: Job, table: Path, tolerance: float | None) -> Job:
+    """Of the job of a table, the blocks get what its path leaves of the tolerance."""
     from dataclasses import replace
 
     from planner.inputs import positive_number
 
-    job = load_job_of_table(table, curve, scale=scale)
     if tolerance is None:
         room = job.room
     else:

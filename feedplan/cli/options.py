@@ -52,6 +52,15 @@ tolerance = click.option(
     type=float,
     help="Distance allowed from a part program, in place of its P words, or from points.",
 )
+tools = click.option(
+    "--tools", type=FILE, help="Tool table of LinuxCNC, .tbl, for the lengths of a part program's G43."
+)
+ignore = click.option(
+    "--ignore",
+    multiple=True,
+    metavar="WORD",
+    help="Word of a part program to pass over, as A or M123; may be repeated.",
+)
 commanded_feed = click.option("--feed-mm-s", type=float, help="Commanded feed, in place of the machine's.")
 period = click.option("--period-s", type=float, help="Interpolation period, in place of the machine's.")
 plot_width = click.option("--width-mm", type=float, help="Width of the figure; 85 is a paper's column, 180 its page.")

@@ -65,6 +65,8 @@ class MethodName(StrEnum):
 @click.option("--periodic", is_flag=True, help="Pass the end into the start without a stop.")
 @click.option("--exact-stop", is_flag=True, help="Stop wherever the curvature jumps, not only in corners.")
 @options.tolerance
+@options.tools
+@options.ignore
 @click.option("--intervals", type=int, help="Grid intervals; refinement chooses if left out.")
 @click.option("--budget-s", type=float, default=math.inf, help="Time after which to return the best plan so far.")
 @click.option("--output", "-o", type=options.FILE, help=f"Feedrate table, {ANY_COLUMN_FORMAT}.")
@@ -91,6 +93,8 @@ def plan(
     periodic: bool,
     exact_stop: bool,
     tolerance_mm: float | None,
+    tools: Path | None,
+    ignore: tuple[str, ...],
     intervals: int | None,
     budget_s: float,
     output: Path | None,
@@ -130,6 +134,8 @@ def plan(
             feed=feed_mm_s,
             period=period_s,
             tolerance=tolerance_mm,
+            tools=tools,
+            ignore=ignore,
             share=share,
             notice=notice,
         )

@@ -26,6 +26,8 @@ _SAMPLES_AT_ONCE = 1_000_000  # bounds the memory that evaluating the plan takes
 @click.option("--period-s", type=float, help="Interpolation period, in place of the table's.")
 @click.option("--order", type=int, default=5, help="1, 2, 3 (Taylor steps) or 5 (the plan itself).")
 @options.tolerance
+@options.tools
+@options.ignore
 @options.scale
 @click.option("--output", "-o", type=options.FILE, help=f"Samples, {ANY_COLUMN_FORMAT}.")
 def replay(
@@ -35,6 +37,8 @@ def replay(
     period_s: float | None,
     order: int,
     tolerance_mm: float | None,
+    tools: Path | None,
+    ignore: tuple[str, ...],
     scale: float,
     output: Path | None,
 ) -> None:
@@ -51,7 +55,7 @@ def replay(
         from planner import read_table
         from planner.output.table import write_samples
 
-        job = load_job_of_table(table, curve, scale=scale, tolerance=tolerance_mm)
+        job = load_job_of_table(table, curve, scale=scale, tolerance=tolerance_mm, tools=tools, ignore=ignore)
         with ProgressLine() as line:
             line("reading the table")
             profile = read_table(table, job.curve)

@@ -26,6 +26,8 @@ from feedplan.job import load_job_of_table
 @options.machine
 @options.scale
 @options.tolerance
+@options.tools
+@options.ignore
 @options.as_json
 def report(
     table: Path,
@@ -35,6 +37,8 @@ def report(
     machine: str | None,
     scale: float,
     tolerance_mm: float | None,
+    tools: Path | None,
+    ignore: tuple[str, ...],
     as_json: bool,
 ) -> None:
     """Write a feedrate table as a page for a browser.
@@ -51,7 +55,7 @@ def report(
         from feedplan.progress import ProgressLine
         from planner import read_table
 
-        job = load_job_of_table(table, curve, machine, scale=scale, tolerance=tolerance_mm)
+        job = load_job_of_table(table, curve, machine, scale=scale, tolerance=tolerance_mm, tools=tools, ignore=ignore)
         with ProgressLine() as line:
             line("reading the table")
             profile = read_table(table, job.curve)

@@ -40,6 +40,8 @@ _UNITS = {
 @click.option("--output", "-o", type=options.FILE, required=True, help="Table of all windows, .npz.")
 @options.machine
 @options.tolerance
+@options.tools
+@options.ignore
 @click.option("--feed-mm-s", type=float, help="Largest feed, in place of the machine's.")
 @click.option("--fresh", is_flag=True, help="Begin anew where an earlier run was interrupted.")
 @options.as_json
@@ -49,6 +51,8 @@ def windows(
     output: Path,
     machine: str | None,
     tolerance_mm: float | None,
+    tools: Path | None,
+    ignore: tuple[str, ...],
     feed_mm_s: float | None,
     fresh: bool,
     as_json: bool,
@@ -61,12 +65,15 @@ def windows(
     require_program(program, "feedplan windows")
     from feedplan.progress import ProgressLine
     from planner.programs.long.windows import plan_program
+    from planner.programs.reading.reader import read_program
 
     limits, name = load_machine(machine)
     limits = limits if feed_mm_s is None else limits.with_feed(feed_mm_s)
     began = time.perf_counter()
     with ProgressLine() as line:
-        plan = plan_program(program, limits, tolerance_mm, output=output, progress=line, resume=not fresh)
+        line("reading the program", None)
+        blocks = read_program(program, tools=tools, ignore=ignore)
+        plan = plan_program(blocks, limits, tolerance_mm, output=output, progress=line, resume=not fresh)
     seconds = time.perf_counter() - began
     if as_json:
         click.echo(_json(plan, name, seconds))

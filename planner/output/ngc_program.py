@@ -93,12 +93,12 @@ def _rests(program: Program, path: ProgramPath) -> list[tuple[float, int, str]]:
 
 def _events(program: Program, path: ProgramPath) -> list[tuple[float, int, str]]:
     """What happens between the moves: the curve parameter at which it happens, its line and its words."""
-    out = []
-    for event in program.events:
-        if event.kind != _END:
-            moved = program.line[event.after_move] if event.after_move >= 0 else 0
-            out.append((float(path.u[np.searchsorted(path.line, moved, side="right")]), event.line, event.text))
-    return out
+    moving = np.flatnonzero(program.lengths > 0.0)
+    return [
+        (float(path.u[np.searchsorted(moving, event.after_move, side="right")]), event.line, event.text)
+        for event in program.events
+        if event.kind != _END
+    ]
 
 
 def _plain(value: float) -> str:

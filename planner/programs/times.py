@@ -24,7 +24,8 @@ from planner.programs.reading.program import ARC, LINE, RAPID, Program
 from planner.types import FloatArray
 
 KINDS = ("none", "rapid", "line", "arc")
-_KIND_OF_MOVE = {RAPID: 1, LINE: 2, ARC: 3}
+_KIND_OF_MOVE = np.zeros(3, dtype=np.int8)
+_KIND_OF_MOVE[[RAPID, LINE, ARC]] = 1, 2, 3
 _FORMAT = "feedplan-lines 1"
 _UNITS = "mm, s; share is the part of the line's time for which the limit beside it holds it back"
 # Newton's steps to a time within an interval; next to a rest, where u goes with the cube of time, each leaves 2/3.
@@ -41,11 +42,12 @@ class LineTimes(Tabular):
     line : (m,) int64 array
         Line number in the file, from 1; strictly increasing.
     kind : (m,) int8 array
-        Index into ``KINDS``: none, rapid, line, arc.
+        Index into ``KINDS``: none, rapid, line, arc; of several moves that of the longest.
     length : (m,) array
-        Programmed path length, mm.
+        Programmed path length, mm; of all its moves together, as the times are.
     u_start, u_end : (m,) arrays
-        Curve parameters between which the plan runs the line; equal where it does not move.
+        Curve parameters between which the plan runs the line, from its first move to its last; equal where it does not
+        move.
     seconds : (m,) array
         Time of the motion, s; they add up to the duration of the plan.
     binding : (m,) int8 array
@@ -161,13 +163,14 @@ def combined(
     ----------
     program : Program
     moving : (m,) int array
-        Lines that move.
+        Lines of the moves with a length; a line may have several.
     u : (m + 1,) array
-        Curve parameters at which they begin and end.
+        Curve parameters at which these begin and end.
     seconds : (m,) array
         Their times.
     binding : tuple
-        The limit that holds each back for longest (m,), for how long, s, (m,), and the names of the limits.
+        The limit that holds each back for longest (m,), for how long, s, (m,), and the names of the limits.  Of a line with
+        several moves it is that of the longest of them.
     """
     limit, held, names = binding
     dwells = [(event.line, event.seconds) for event in program.events if event.kind == "dwell"]
@@ -177,15 +180,22 @@ def combined(
     columns: dict[str, FloatArray] = {name: np.zeros(line.size) for name in ("length", "seconds", "share", "dwell")}
     kind, named, tools = (np.zeros(line.size, dtype=np.int8) for _ in range(3))
     at = np.searchsorted(line, moving)
-    move = np.searchsorted(program.line, moving)
-    for code, value in _KIND_OF_MOVE.items():
-        kind[at[program.kind[move] == code]] = value
-    columns["length"][at], columns["seconds"][at], named[at] = program.lengths[move], seconds, limit
-    columns["share"][at] = np.divide(held, seconds, out=np.zeros(seconds.size), where=seconds > 0.0)
+    move = np.flatnonzero(program.lengths > 0.0)
+    np.add.at(columns["length"], at, program.lengths[move])
+    np.add.at(columns["seconds"], at, seconds)
+    longest = np.argsort(seconds, kind="stable")  # of several moves of a line the last to be assigned stays
+    on = at[longest]
+    kind[on], named[on] = _KIND_OF_MOVE[program.kind[move[longest]]], limit[longest]
+    columns["share"][on] = np.divide(held, seconds, out=np.zeros(seconds.size), where=seconds > 0.0)[longest]
     for number, length in dwells:
         columns["dwell"][np.searchsorted(line, number)] += length
     np.add.at(tools, np.searchsorted(line, changes), 1)
-    before, after = np.searchsorted(moving, line, side="left"), np.searchsorted(moving, line, side="right")
+    before = np.searchsorted(np.maximum.accumulate(moving), line, side="left")
+    after = before.copy()
+    after[at] = 0
+    np.maximum.at(after, at, np.arange(1, moving.size + 1))
+    before[at] = after[at] - 1
+    np.minimum.at(before, at, np.arange(moving.size))
     return LineTimes(
         line=line,
         kind=kind,

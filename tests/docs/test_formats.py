@@ -25,7 +25,7 @@ from planner.machine.machine_file import HEAD_KEYS, axis_keys
 from planner.output.table import _KEYS
 from planner.output.table_header import OPTIONAL_KEYS
 from planner.plan import Method
-from planner.programs.reading.blocks import _G_WORDS, _M_WORDS, _VALUE_LETTERS
+from planner.programs.reading.language import G_WORDS, M_WORDS, NUMBER_LETTERS
 from planner.quantity import QUANTITIES
 from planner.status import Status
 
@@ -242,9 +242,9 @@ def test_words_of_a_program():
     def word(letter, code):
         return f"{letter}{code / 10:g}" if letter == "G" else f"{letter}{code}"
 
-    assert set(names("format-program", "G")) == {word("G", code) for code in _G_WORDS}
-    assert set(names("format-program", "M")) == {word("M", code) for code in _M_WORDS}
-    assert set(names("format-program", "letters")) == set(_VALUE_LETTERS)
+    assert set(names("format-program", "G")) == {word("G", code) for code in G_WORDS}
+    assert set(names("format-program", "M")) == {word("M", code) for code in M_WORDS}
+    assert set(names("format-program", "letters")) == set(NUMBER_LETTERS)
 
 
 def test_json_of_the_verdict(files, json_of):

@@ -280,5 +280,5 @@ def _outcome(done: Done, program: Program, table: Path, lines: Path, resumed: in
         joint_feed=done.joint_feed,
         joint_acceleration=done.joint_acceleration,
         violations=done.violations,
-        notes=done.notes,
+        notes=(*program.notes, *done.notes),
     )

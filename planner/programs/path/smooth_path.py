@@ -388,7 +388,7 @@ def _report(
         deviation_share=share,
         intervals=max(MIN_INTERVALS, intervals),
         counts=counts,
-        notes=_notes(absorbed, blocks, built),
+        notes=(*program.notes, *_notes(absorbed, blocks, built)),
     )
 
 

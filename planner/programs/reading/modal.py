@@ -15,21 +15,25 @@ from numpy.typing import NDArray
 from planner.errors import InputError
 from planner.geometry.curve import MAX_COORDINATE
 from planner.inputs import numbers
-from planner.programs.reading.blocks import (
+from planner.programs.reading.blocks import Blocks
+from planner.programs.reading.language import (
     CENTRES,
     DISTANCE,
     FEED_MODE,
     MOTION,
     PATH_MODE,
     PLANE,
+    RETRACT,
     UNITS,
-    Blocks,
 )  # fmt: skip
-from planner.programs.reading.program import AXES, LINE, RAPID, Event, Program
+from planner.programs.reading.offsets import Offsets
+from planner.programs.reading.program import LINE, RAPID, Event, Program
+from planner.programs.reading.unread import UnreadWords
 from planner.programs.reading.words import LineArray, Mask
 from planner.types import FloatArray
 
-_INCH = 25.4
+INCH_MM = 25.4
+_NO_BLOCKS = {"/": "/ (block delete is on)", "$": "$ (a setting of GRBL)", "?": "? (a question to GRBL)"}
 _NO_STOP_KINDS = ("spindle", "coolant", "tool")
 
 
@@ -38,9 +42,12 @@ class ReadingState:
     """What one part of the file hands to the next, and the moves so far."""
 
     source: str
+    unread: UnreadWords
+    offsets: Offsets = field(default_factory=Offsets)
     modal: dict[int, int] = field(
         default_factory=lambda: {
-            MOTION: 800, PLANE: 170, UNITS: 210, DISTANCE: 900, CENTRES: 911, FEED_MODE: 940, PATH_MODE: 640
+            MOTION: 800, PLANE: 170, UNITS: 210, DISTANCE: 900, CENTRES: 911, FEED_MODE: 940, PATH_MODE: 640,
+            RETRACT: 980,
         }
     )  # fmt: skip
     feed: float = np.nan  # mm/s under G94
@@ -49,6 +56,8 @@ class ReadingState:
     naive: float = np.nan
     spindle: float = np.nan
     tool: str = ""
+    selected: int = 0  # by T
+    loaded: int = 0  # by M6
     programmed: FloatArray = field(default_factory=lambda: np.zeros(3))
     position: FloatArray = field(default_factory=lambda: np.zeros(3))  # where the last kept move ends
     first: FloatArray = field(default_factory=lambda: np.zeros(3))
@@ -63,6 +72,7 @@ class ReadingState:
     parts: list[MoveColumns] = field(default_factory=list)
     events: list[Event] = field(default_factory=list)
     zero_lines: list[LineArray] = field(default_factory=list)
+    skipped: dict[str, tuple[int, int]] = field(default_factory=dict)  # by their first character: first line, how many
 
     def place(self, start: Sequence[float]) -> None:
         """Set the first position."""
@@ -110,10 +120,22 @@ class ReadingState:
         at = np.array([e.after_move for e in self.events if e.kind not in _NO_STOP_KINDS], dtype=np.int64)
         stop[at[at >= 0]] = True
         zero = np.concatenate([*self.zero_lines, np.empty(0, dtype=np.int64)])
+        if (np.diff(zero) <= 0).any():
+            zero = np.unique(zero)  # of a block with several moves, or that is run again
+        if (np.diff(line) <= 0).any():
+            zero = zero[~np.isin(zero, line)]
         return Program(
             self.source, line, kind, start, end, centre, normal, sweep, feed, stop, tolerance, naive,
-            tuple(self.events), zero, self.line_count, self.axis_lines,
+            tuple(self.events), zero, self.line_count, self.axis_lines, self._notes(),
         )  # fmt: skip
+
+    def _notes(self) -> tuple[str, ...]:
+        """What was passed over, and what was taken for 0."""
+        lines = [
+            f"{count} line{'s' if count > 1 else ''} with {_NO_BLOCKS[name]} passed over, the first is line {first}"
+            for name, (first, count) in self.skipped.items()
+        ]
+        return (*self.offsets.notes(), *lines, *self.unread.notes())
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,6 +163,8 @@ class MoveColumns:
 
 def _carried(given: Mask, value: NDArray[np.generic], before: float) -> NDArray[np.generic]:
     """Carry values forward from where they are given; before the first, the value of the part before."""
+    if not given.any():
+        return np.full(given.size, before)
     last = np.maximum.accumulate(np.where(given, np.arange(given.size), -1))
     return np.where(last >= 0, value[last], before)
 
@@ -156,7 +180,7 @@ def carry_modal(blocks: Blocks, before: dict[int, int]) -> tuple[dict[int, int],
 
 def units(modal: dict[int, LineArray]) -> FloatArray:
     """Length unit of every block, mm."""
-    return np.where(modal[UNITS] == 200, _INCH, 1.0)
+    return np.where(modal[UNITS] == 200, INCH_MM, 1.0)
 
 
 def carry_feeds(
@@ -184,34 +208,10 @@ def carry_tolerances(blocks: Blocks, unit: FloatArray, state: ReadingState) -> t
     """P and Q of G64 at every block, mm; 0 and nan under G61 and G61.1."""
     path, p, q = blocks.g[PATH_MODE], blocks.letters["P"], blocks.letters["Q"]
     blend = path.value == 640
-    given = np.where(blend, np.where(p.given, p.value * unit, np.nan), 0.0)
+    given = np.where(
+        blend, np.where(p.given & (p.value > 0.0), p.value * unit, np.nan), 0.0
+    )  # P0 is none, as on LinuxCNC
     tolerance = np.asarray(_carried(path.given, given, state.tolerance))
     naive = np.asarray(_carried(path.given, np.where(blend & q.given, q.value * unit, np.nan), state.naive))
     state.tolerance, state.naive = float(tolerance[-1]), float(naive[-1])
     return tolerance, naive
-
-
-def carry_positions(
-    blocks: Blocks, modal: dict[int, LineArray], unit: FloatArray, kind: LineArray, state: ReadingState
-) -> FloatArray:
-    """Programmed point before the first and after every block, (n + 1, 3), mm."""
-    absolute = modal[DISTANCE] == 900
-    rows = np.arange(absolute.size)
-    out = np.empty((absolute.size + 1, 3))
-    for axis, name in enumerate(AXES):
-        column = blocks.letters[name]
-        target = column.value * unit
-        if column.given.any() and state.axis_lines[axis] == 0:
-            row = int(np.argmax(column.given))
-            state.axis_lines[axis] = blocks.line[row]
-            if not state.known[axis] and absolute[row] and kind[row] == RAPID:
-                state.stand(axis, float(target[row]))
-        steps = np.cumsum(np.where(column.given & ~absolute, target, 0.0))
-        last = np.maximum.accumulate(np.where(column.given & absolute, rows, -1))
-        since = np.where(last >= 0, steps - steps[last], steps)
-        out[1:, axis] = np.where(last >= 0, target[last], state.programmed[axis]) + since
-        out[0, axis] = state.programmed[axis]
-    far = np.flatnonzero((np.abs(out[1:]) > MAX_COORDINATE * _INCH).any(axis=1))
-    blocks.faults.add(blocks.first[far], "leads farther than 2.5e10 mm from 0")
-    state.programmed = out[-1].copy()
-    return out

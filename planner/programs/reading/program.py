@@ -56,7 +56,7 @@ class Program:
     source : str
         Name of the file, for messages.
     line : (m,) int64 array
-        Line number in the file, from 1; strictly increasing.
+        Line number in the file, from 1.  A line may have several moves, and be run again.
     kind : (m,) uint8 array
         ``RAPID``, ``LINE`` or ``ARC`` (helices and spirals as well).
     start, end : (m, 3) arrays
@@ -85,6 +85,8 @@ class Program:
         Lines in the file.
     axis_lines : (3,) int64 array
         The line of the first word of X, Y and Z; 0 where there is none.
+    notes : tuple of str
+        What was passed over as asked, and what was taken for 0 since the program does not say it.
     """
 
     source: str
@@ -103,6 +105,7 @@ class Program:
     zero_lines: NDArray[np.int64]
     line_count: int
     axis_lines: NDArray[np.int64]
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for item in fields(self):

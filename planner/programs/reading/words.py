@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from pathlib import Path
 from typing import BinaryIO
@@ -22,6 +22,7 @@ Mask = NDArray[np.bool_]
 
 _CHUNK_BYTES = 4 * 1024**2  # bounds the memory of the tables made of it, about 30 bytes for each of these
 _MAX_LINE_BYTES = 64 * 1024  # no block is that long: what has longer lines is no part program
+_NO_BLOCK = re.compile(rb"^[ \t]*([/$?])[^\n]*", re.MULTILINE)
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 O_WORDS = "O words (program numbers, subroutines, loops) are not read; delete the number, or write out the blocks"
 PARAMETERS = "parameters are not read; write the number"
@@ -52,6 +53,8 @@ class Words:
         Line numbers in the file, from 1.
     lines : int
         Lines in this part of the file.
+    skipped : sequence of (str, int)
+        Lines that are no blocks: / of block delete, $ and ? of a stream to GRBL, each with its number.
     """
 
     source: str
@@ -62,6 +65,7 @@ class Words:
     first: NDArray[np.int32]
     stop: NDArray[np.int32]
     lines: int
+    skipped: Sequence[tuple[str, int]] = ()
 
     def word(self, index: int) -> str:
         """The word as it stands in the file, in capitals."""
@@ -93,6 +97,12 @@ class Faults:
         if self.reason:
             line, word = int(self.words.line[self.index]), self.words.word(self.index)
             raise InputError(f"{self.words.source}:{line}: {word}: {self.reason}")
+
+
+def keep_words(words: Words, kept: Mask | slice) -> Words:
+    """Some of the words."""
+    columns = {name: getattr(words, name)[kept] for name in ("letter", "value", "line", "first", "stop")}
+    return replace(words, **columns)
 
 
 def read_words(path: Path) -> Iterator[tuple[Words, InputError | None]]:
@@ -139,6 +149,7 @@ def _parts(file: BinaryIO) -> Iterator[tuple[bytes, str]]:
 
 
 def _scan(text: bytes, source: str, lines_before: int) -> tuple[Words, InputError | None]:
+    text, skipped = _without_lines(text, lines_before)
     raw = np.frombuffer(text, dtype=np.uint8)
     size = raw.size // 2 + 2  # a word has two characters; a % has one, which the rules let stand alone only
     size += text.count(b"%")
@@ -152,7 +163,19 @@ def _scan(text: bytes, source: str, lines_before: int) -> tuple[Words, InputErro
         fault = InputError(f"{source}:{lines_before + 1 + found[2]}: {_complaint(text, int(found[0]), int(found[1]))}")
     lines = text.count(b"\n") + (not text.endswith(b"\n"))
     at = line[:count].astype(np.int64) + (lines_before + 1)
-    return Words(source, text, letter[:count], value[:count], at, first[:count], stop[:count], lines), fault
+    return Words(source, text, letter[:count], value[:count], at, first[:count], stop[:count], lines, skipped), fault
+
+
+def _without_lines(text: bytes, lines_before: int) -> tuple[bytes, list[tuple[str, int]]]:
+    """The text without the words of lines that are no blocks, and these, by their first character."""
+    if not any(character in text for character in (b"/", b"$", b"?")):
+        return text, []
+    found = [(match[1].decode(), match.start()) for match in _NO_BLOCK.finditer(text)]
+    if not found:
+        return text, []
+    ends = np.flatnonzero(np.frombuffer(text, dtype=np.uint8) == ord("\n"))
+    lines = lines_before + 1 + np.searchsorted(ends, [start for _, start in found])
+    return _NO_BLOCK.sub(b"", text), [(name, int(line)) for (name, _), line in zip(found, lines, strict=True)]
 
 
 def _complaint(text: bytes, what: int, at: int) -> str:
@@ -170,7 +193,7 @@ def _complaint(text: bytes, what: int, at: int) -> str:
     known = {
         "#": PARAMETERS,
         "[": EXPRESSIONS,
-        "/": "block delete is not read; remove the block or the stroke",
+        "/": "block delete stands at the start of a line",
         "@": "polar coordinates are not read; write X, Y and Z",
         "^": "polar coordinates are not read; write X, Y and Z",
     }

@@ -345,12 +345,12 @@ class TestBadInput:
     @pytest.mark.parametrize(
         ("text", "message"),
         [
-            ("G21 G90\nG0 X0\nG1 X10 Q5 F100\nM2\n", "part.ngc:3: Q5: belongs to G64, which is not in the block"),
+            ("G21 G90\nG0 X0\nG1 X10 Q5 F100\nM2\n", "part.ngc:3: Q5: belongs to a word that is not in the block"),
             ("G21\nG1 X10\nM2\n", "part.ngc:2: G1: no feed is given; F is missing"),
             ("G21\nG1 X10 F100\n", "part.ngc:2: end of file: there is no M2, M30 or closing %"),
             ("G21\nM2\n", "part.ngc: the program moves nothing"),
             ("G21\nG0 X5 Y5\nG1 X5 F100\nM2\n", "part.ngc: the program moves nothing"),
-            ("G21\nG1 X1 F100\nG1 W2\nM2\n", "part.ngc:3: W2: "),
+            ("G21\nG1 X1 F100\nG1 W2\nM2\n", "part.ngc:3: W: not read in this program: W (line 3, 1 time"),
             ("\0\1\2\3", "part.ngc:1: "),
         ],
     )
@@ -506,3 +506,22 @@ def test_a_directory_is_no_curve(run, tmp_path):
     code, _, err = run("plan", tmp_path)
     assert code == 2
     assert "is a directory; give a .json" in err
+
+
+class TestWhatAProgramCountsOn:
+    def test_a_tool_table_and_words_passed_over(self, run, tmp_path):
+        file, table = tmp_path / "part.ngc", tmp_path / "tool.tbl"
+        file.write_text("G21 G90\nG43 H1\nG1 X5 Z1 F600\nM123\nA5\nX10\nM2\n")
+        table.write_text("T1 P1 Z30 ;drill\n")
+        code, _, err = run("time", file)
+        assert code == 2
+        assert "M123 (line 4, 1 time); A (line 5, 1 time, rotary axes)" in err
+        options = ("--tools", table, "--ignore", "A", "--ignore", "M123", "--json")
+        code, out, _ = run("time", file, *options)
+        facts = strict_json(out)
+        assert code == 0
+        assert facts["lines"][0]["length_mm"] == pytest.approx(math.hypot(5, 31))
+        assert "M123 is passed over as asked, 1 time, the first in line 4" in facts["notes"]
+        out_file = tmp_path / "plan.csv"
+        assert run("plan", file, *options[:-1], "-o", out_file)[0] == 0
+        assert run("check", out_file, file, *options[:-1])[0] == 0

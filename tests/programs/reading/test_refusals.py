@@ -15,31 +15,39 @@ O_WORDS = "O words (program numbers, subroutines, loops) are not read; delete th
 NO_END = "end of file: there is no M2, M30 or closing %; the file may have been cut off, else end it with M2"
 
 
+def unread(line, name, why):
+    """The message for one word that is not read."""
+    return (
+        f"{line}: {name}: not read in this program: {name} (line {line}, 1 time{why}); post it without them, or pass over "
+        "those that move nothing: --ignore WORD for each"
+    )
+
+
 REFUSED = {
     # text: message after the name of the file
-    "G1 X1 F60\nG1 X2 W3\nM2": "2: W3: only the axes X, Y and Z are read",
-    "A90\nM2": "1: A90: rotary axes are not read",
+    "G1 X1 F60\nG1 X2 W3\nM2": unread(2, "W", ", axes beside X, Y and Z"),
+    "A90\nM2": unread(1, "A", ", rotary axes"),
     "O100 sub\nM2": f"1: O100 SUB: {O_WORDS}",
     "N5 o7 while [#1 lt 2]\nM2": f"1: O7 WHILE [#1 LT 2]: {O_WORDS}",
     "o<drill> call\nM2": f"1: O<DRILL> CALL: {O_WORDS}",
-    "O100\nM2": f"1: O100: {O_WORDS}",
+    "O100\nM2": unread(1, "O", ""),
     "#1=5\nM2": "1: #1=5: parameters are not read; write the number",
     "G1 X#5 F600\nM2": "1: X#5: parameters are not read; write the number",
     "G1 X-#<depth> F600\nM2": "1: X-#<DEPTH>: parameters are not read; write the number",
     "G1 X10 F600\n[1+2]\nM2": "2: [1+2]: expressions are not read; write the number",
     "G1 Xsin[30] F600\nM2": "1: XSIN[30]: expressions are not read; write the number",
     "G1 X[1+2]\nM2": "1: X[1+2]: expressions are not read; write the number",
-    "/G1 X1\nM2": "1: /: block delete is not read; remove the block or the stroke",
-    "G41 D1\nM2": "1: G41: cutter compensation is not read",
-    "G43 H1\nM2": "1: G43: tool length offsets are not read",
-    "G81 X1 Z-1 R1\nM2": "1: G81: canned cycles are not read",
-    "G5.2 X1 Y1\nM2": "1: G5.2: splines are not read; write G1, G2 or G3",
-    "G92 X0\nM2": "1: G92: offsets are not read",
-    "G95\nM2": "1: G95: feed per revolution is not read",
-    "G12\nM2": "1: G12: no G word of the subset",
-    "G1.05 X1\nM2": "1: G1.05: no G word of the subset",
-    "M98 P1\nM2": "1: M98: no M word of the subset",
-    "G1 X1e3 F60\nM2": "1: E3: a number has no exponent, and no word starts with E",
+    "G41 D1\nM2": unread(1, "G41", ", cutter compensation"),
+    "G81 X1 Z-1 R1\nM2": unread(1, "G81", ", canned cycles"),
+    "G5.2 X1 Y1\nM2": unread(1, "G5.2", ", splines; write G1, G2 or G3"),
+    "G95\nM2": unread(1, "G95", ", feed per revolution"),
+    "G12\nM2": unread(1, "G12", ""),
+    "G1.05 X1\nM2": unread(1, "G1.05", ""),
+    "M98 P1\nM2": unread(1, "M98", ", calls"),
+    "G1 X1e3 F60\nM2": (
+        "1: E3: a number has no exponent; E belongs to a word that is not in the block; it is read beside "
+        "M66, M67, M68"
+    ),
     "G1 X1\nM2": "1: G1: no feed is given; F is missing",
     "G0 X1\nG1\nX5 Y3\nM2": "3: X5: no feed is given; F is missing",
     "F0\nG1 X1\nM2": "2: G1: the feed is 0; F must be > 0",
@@ -72,13 +80,15 @@ REFUSED = {
     "G4\nM2": "1: G4: needs the time P in seconds",
     "G4 P-1\nM2": "1: P-1: must not be negative",
     "G1 F60\nG4 P1 X1\nM2": "2: X1: motion beside G4; write the dwell in a block of its own",
-    "P1\nM2": "1: P1: belongs to G4 or G64, which is not in the block",
-    "G64 G4 P1\nM2": "1: P1: belongs to G4 or to G64; write them in two blocks",
-    "G64 P0\nM2": "1: P0: the tolerance must be > 0; G61 holds the path exactly",
+    "P1\nM2": (
+        "1: P1: belongs to a word that is not in the block; it is read beside G4, G10, G64, M19, M62, M63, M64, M65 ..."
+    ),
+    "G64 G4 P1\nM2": "1: P1: could belong to several words of the block; write them in two blocks",
     "G64 Q1\nM2": "1: Q1: needs the tolerance P beside it",
-    "Q1\nM2": "1: Q1: belongs to G64, which is not in the block",
+    "Q1\nM2": (
+        "1: Q1: belongs to a word that is not in the block; it is read beside G64, M61, M19, M66, M67, M68"
+    ),
     "G0 N10 X1\nM2": "1: N10: a line number must come first in its block",
-    "N1.5 G0 X1\nM2": "1: N1.5: must be a whole number",
     "T1.5\nM2": "1: T1.5: must be a whole number",
     "S-1\nM2": "1: S-1: must not be negative",
     "G1 X F60\nM2": "1: X: a letter needs a number after it",
@@ -90,9 +100,6 @@ REFUSED = {
     "G1 X1 (open\nY2 F60\nM2": "1: (OPEN: a comment that is not closed with ) in its line, or that holds another",
     "(a (b) c)\nM2": "1: (A: a comment that is not closed with ) in its line, or that holds another",
     "G1 X1) F60\nM2": "1: ): no word starts with it",
-    "M2\nG1 X1 F60": "2: G1: follows the end of the program (M2, M30 or the closing %)",
-    "%\nG1 X1 F60\n%\nG1 X2": "4: G1: follows the end of the program (M2, M30 or the closing %)",
-    "%\n%\n%": "3: %: a third %; one opens the file, and one closes it",
     "G1 X1 F60\n%": "2: %: closes a file that no % opens",
     "% G1 X1 F60\nM2": "1: %: must stand alone in its line",
     "G1 X1 F60\nG1 X2": f"2: {NO_END}",

@@ -1,0 +1,230 @@
+"""Words that act at once, where the machine stands: homes, coordinate systems, offsets, tool lengths, tool changes.
+
+Each has a function in ``_ONCE`` or ``_LENGTHS``.  Order in a block, as LinuxCNC has it: tool change, tool length,
+coordinate system, then the others, then the motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from planner.programs.reading.blocks import WordColumn
+from planner.programs.reading.language import CHANGE, DISTANCE, MOTION, ONCE, SYSTEM, TOOL_LENGTH
+from planner.programs.reading.offsets import SYSTEM_CODES
+from planner.programs.reading.positions import ProgramTrack, SideMove, block_numbers
+from planner.programs.reading.program import RAPID
+
+
+def carry_positions(track: ProgramTrack) -> None:
+    """Find the programmed point after every block."""
+    at = 0
+    for row in track.special_rows().tolist():
+        if row > at:
+            track.run(at, row)
+        _act(track, row)
+        at = row
+        if track.in_machine_coordinates(row):
+            _note_machine(track, row)
+            track.run(row, row + 1)
+            at = row + 1
+    if at < track.kind.size:
+        track.run(at, track.kind.size)
+    tools = track.blocks.letters["T"]
+    if tools.given.any():
+        track.state.selected = _selected(track, track.kind.size - 1)
+    track.require_near()
+
+
+def _act(track: ProgramTrack, row: int) -> None:
+    blocks = track.blocks
+    if blocks.m[CHANGE].given[row]:
+        by_number = blocks.number(row, "Q") if blocks.m[CHANGE].value[row] != 6 else None
+        track.state.loaded = _selected(track, row) if by_number is None else int(by_number)
+    for column, table in ((blocks.g[TOOL_LENGTH], _LENGTHS), (blocks.g[SYSTEM], _SYSTEMS), (blocks.g[ONCE], _ONCE)):
+        if column.given[row]:
+            table.get(int(column.value[row]), _nothing)(track, row)
+
+
+def _selected(track: ProgramTrack, row: int) -> int:
+    """The tool named last, at a block."""
+    column = track.blocks.letters["T"]
+    rows = np.flatnonzero(column.given[: row + 1])
+    return int(column.value[rows[-1]]) if rows.size else track.state.selected
+
+
+def _nothing(track: ProgramTrack, row: int) -> None:
+    """A word that is looked at elsewhere."""
+
+
+def _refuse(track: ProgramTrack, column: WordColumn, row: int, reason: str) -> None:
+    track.blocks.faults.add(column.word[row : row + 1], reason)
+
+
+def _note_machine(track: ProgramTrack, row: int) -> None:
+    state = track.state
+    motion = track.modal[MOTION][row]
+    if motion not in (0, 10):
+        _refuse(track, track.blocks.g[ONCE], row, "machine coordinates need G0 or G1")
+    if not state.offsets.systems[state.offsets.active].any():
+        code = SYSTEM_CODES[state.offsets.active]
+        state.offsets.assume(f"the origin of G{code / 10:g} on the machine, for G53", int(track.blocks.line[row]))
+
+
+def _numbers(track: ProgramTrack, row: int) -> list[float | None]:
+    return block_numbers(track.blocks, row, float(track.unit[row]))
+
+
+def _go_home(track: ProgramTrack, row: int) -> None:
+    """G28 and G30: over the point in the block, in the axes that it names, to the home; without axes in all."""
+    state, blocks = track.state, track.blocks
+    code = int(blocks.g[ONCE].value[row])
+    home, line = state.offsets.home[code], int(blocks.line[row])
+    if not home.any():
+        state.offsets.assume(f"the position of G{code // 10}", line)
+    numbers = _numbers(track, row)
+    if any(number is not None for number in numbers):
+        relative = track.modal[DISTANCE][row] != 900
+        middle = state.programmed.copy()
+        for axis, number in enumerate(numbers):
+            if number is None:
+                continue
+            if not state.known[axis] and state.axis_lines[axis] == 0:
+                track.stand(row, axis, float(home[axis]))
+                middle[axis] = home[axis]
+            if state.axis_lines[axis] == 0:
+                state.axis_lines[axis] = line
+            middle[axis] = middle[axis] + number if relative else number + state.offsets.total[axis]
+        track.side.append(SideMove(row, RAPID, middle))
+    end = state.programmed.copy()
+    for axis in range(3):
+        if all(number is None for number in numbers) or numbers[axis] is not None:
+            if not state.known[axis] and state.axis_lines[axis] == 0:
+                track.stand(row, axis, float(home[axis]))
+            end[axis] = home[axis]
+    track.side.append(SideMove(row, RAPID, end))
+    state.programmed = end.copy()
+
+
+def _set_home(track: ProgramTrack, row: int) -> None:
+    """G28.1 and G30.1: the home is where the machine stands."""
+    code = int(track.blocks.g[ONCE].value[row]) - 1
+    track.state.offsets.home[code] = track.state.programmed.copy()
+    track.state.known = [True] * 3
+
+
+def _set_shift(track: ProgramTrack, row: int) -> None:
+    """G92: where the machine stands is the point in the block.  G52: the shift itself."""
+    state = track.state
+    local = track.blocks.g[ONCE].value[row] == 520
+    for axis, number in enumerate(_numbers(track, row)):
+        if number is not None:
+            here = state.programmed[axis] - state.offsets.total[axis]
+            state.offsets.shift[axis] = number if local else state.offsets.shift[axis] + here - number
+            state.known[axis] = True
+    state.offsets.kept_shift = state.offsets.shift.copy()
+
+
+def _clear_shift(track: ProgramTrack, row: int) -> None:
+    """G92.1 and G92.2: no shift; G92.1 forgets it."""
+    offsets = track.state.offsets
+    offsets.shift = np.zeros(3)
+    if track.blocks.g[ONCE].value[row] == 921:
+        offsets.kept_shift = np.zeros(3)
+
+
+def _restore_shift(track: ProgramTrack, row: int) -> None:
+    """G92.3: the shift as it was before G92.2."""
+    track.state.offsets.shift = track.state.offsets.kept_shift.copy()
+
+
+def _set_offsets(track: ProgramTrack, row: int) -> None:
+    """G10: L1 the offsets of a tool, L2 the origin of a system, L20 so that the machine stands at a point of it."""
+    state, blocks = track.state, track.blocks
+    level, which, numbers = blocks.number(row, "L"), blocks.number(row, "P"), _numbers(track, row)
+    if level is None or which is None:
+        return  # refused already
+    if level == 1.0:
+        tool = state.offsets.written.setdefault(int(which), np.zeros(3))
+        if which < 1 or which != int(which):
+            _refuse(track, blocks.letters["P"], row, "the number of a tool must be a whole number of at least 1")
+        for axis, number in enumerate(numbers):
+            tool[axis] = tool[axis] if number is None else number
+        return
+    if level not in (2.0, 20.0):
+        _refuse(track, blocks.letters["L"], row, "of G10 only L1, L2 and L20 are read")
+        return
+    if which not in range(10):
+        _refuse(track, blocks.letters["P"], row, "the number of a coordinate system is 1 to 9, or 0 for the active one")
+        return
+    if blocks.number(row, "R"):
+        _refuse(track, blocks.letters["R"], row, "a coordinate system that is turned is not read; turn the program")
+    system = int(which) - 1 if which else state.offsets.active
+    for axis, number in enumerate(numbers):
+        if number is not None and level == 2.0:
+            state.offsets.systems[system, axis] = number
+        elif number is not None:
+            rest = state.offsets.shift[axis] + state.offsets.length[axis]
+            state.offsets.systems[system, axis] = state.programmed[axis] - rest - number
+            state.known[axis] = True
+
+
+def _choose_system(track: ProgramTrack, row: int) -> None:
+    """G54 to G59.3."""
+    offsets, code = track.state.offsets, int(track.blocks.g[SYSTEM].value[row])
+    offsets.active = SYSTEM_CODES.index(code)
+    if offsets.active and not offsets.systems[offsets.active].any():
+        offsets.assume(f"the origin of G{code / 10:g}", int(track.blocks.line[row]))
+
+
+def _tool_offset(track: ProgramTrack, row: int) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    """The offset of the tool H, or where there is no H of the one in the spindle."""
+    state, blocks = track.state, track.blocks
+    named = blocks.number(row, "H")
+    number = state.loaded if named is None else int(named)
+    found = state.offsets.of_tool(number)
+    if found is None:
+        column = blocks.letters["H"] if named is not None else blocks.g[TOOL_LENGTH]
+        _refuse(track, column, row, f"the tool table has no tool {number}; add a line T{number} with its length Z")
+        return np.zeros(3)
+    if state.offsets.given is None and number and number not in state.offsets.written:
+        state.offsets.assume(f"the length of tool {number}", int(blocks.line[row]))
+    return found
+
+
+def _take_length(track: ProgramTrack, row: int) -> None:
+    track.state.offsets.length = _tool_offset(track, row).copy()
+
+
+def _given_length(track: ProgramTrack, row: int) -> None:
+    """G43.1: the offsets in the block, in the axes that it names."""
+    length = track.state.offsets.length.copy()
+    for axis, number in enumerate(_numbers(track, row)):
+        length[axis] = length[axis] if number is None else number
+    track.state.offsets.length = length
+
+
+def _more_length(track: ProgramTrack, row: int) -> None:
+    """G43.2: on top of the length in force, that of the tool H, or the offsets in the block."""
+    numbers = _numbers(track, row)
+    by_axes = any(number is not None for number in numbers)
+    more = np.array([number or 0.0 for number in numbers]) if by_axes else _tool_offset(track, row)
+    track.state.offsets.length = track.state.offsets.length + more
+
+
+def _no_length(track: ProgramTrack, row: int) -> None:
+    track.state.offsets.length = np.zeros(3)
+
+
+_Act = Callable[[ProgramTrack, int], None]
+_ONCE: dict[int, _Act] = {
+    100: _set_offsets,
+    **dict.fromkeys((280, 300), _go_home),
+    **dict.fromkeys((281, 301), _set_home),
+    **dict.fromkeys((520, 920), _set_shift),
+    **dict.fromkeys((921, 922), _clear_shift),
+    923: _restore_shift,
+}
+_LENGTHS: dict[int, _Act] = {430: _take_length, 431: _given_length, 432: _more_length, 490: _no_length}
+_SYSTEMS: dict[int, _Act] = dict.fromkeys(SYSTEM_CODES, _choose_system)

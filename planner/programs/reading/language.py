@@ -1,0 +1,98 @@
+"""The words that are read: of each G and M word its modal group, and the letters that belong to it.
+
+A new word is a line here, and where it does what no other does, a line in the table of that: cycles, or words that act at
+once.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+# The modal groups; of each one word may stand in a block.
+MOTION, PLANE, UNITS, DISTANCE, CENTRES, FEED_MODE, PATH_MODE, ONCE, COMPENSATION, TOOL_LENGTH, SYSTEM, RETRACT = range(
+    12
+)
+SPEED_MODE = 12
+G_GROUPS = 13
+STOP, CHANGE, SPINDLE, COOLANT, SIGNAL, OVERRIDE = range(6)
+M_GROUPS = 6
+
+NUMBER_LETTERS = "NXYZIJKRFSTPQDEHL"
+# Letters that mean nothing without a word that takes them; X, Y and Z need one as well, and are looked at by themselves.
+OWNED_LETTERS = "IJKRPQDEHL"
+
+
+class LanguageWord(NamedTuple):
+    """A G or M word: its modal group, the letters that belong to it, those it cannot be without, and what it does."""
+
+    group: int
+    takes: str = ""
+    needs: str = ""
+
+
+def _same(codes: tuple[int, ...], word: LanguageWord) -> dict[int, LanguageWord]:
+    return dict.fromkeys(codes, word)
+
+
+# G words by ten times their number.
+G_WORDS: dict[int, LanguageWord] = {
+    **_same((0, 10), LanguageWord(MOTION, "XYZ")),
+    **_same((20, 30), LanguageWord(MOTION, "XYZIJKR")),
+    800: LanguageWord(MOTION),
+    40: LanguageWord(ONCE, "P", "P"),
+    100: LanguageWord(ONCE, "LPXYZR", "LP"),
+    **_same((280, 300), LanguageWord(ONCE, "XYZ")),
+    **_same((281, 301), LanguageWord(ONCE)),
+    **_same((520, 920), LanguageWord(ONCE, "XYZ")),
+    **_same((921, 922, 923, 530), LanguageWord(ONCE)),
+    **_same((170, 180, 190), LanguageWord(PLANE)),
+    **_same((200, 210), LanguageWord(UNITS)),
+    **_same((900, 910), LanguageWord(DISTANCE)),
+    **_same((901, 911), LanguageWord(CENTRES)),
+    **_same((930, 940), LanguageWord(FEED_MODE)),
+    **_same((610, 611), LanguageWord(PATH_MODE)),
+    640: LanguageWord(PATH_MODE, "PQ"),
+    400: LanguageWord(COMPENSATION),
+    430: LanguageWord(TOOL_LENGTH, "H"),
+    431: LanguageWord(TOOL_LENGTH, "XYZ"),
+    432: LanguageWord(TOOL_LENGTH, "HXYZ"),
+    490: LanguageWord(TOOL_LENGTH),
+    **_same((540, 550, 560, 570, 580, 590, 591, 592, 593), LanguageWord(SYSTEM)),
+    **_same((980, 990), LanguageWord(RETRACT)),
+    960: LanguageWord(SPEED_MODE, "D"),
+    970: LanguageWord(SPEED_MODE),
+}
+
+M_WORDS: dict[int, LanguageWord] = {
+    **_same((0, 1, 2, 30, 60), LanguageWord(STOP)),
+    6: LanguageWord(CHANGE),
+    61: LanguageWord(CHANGE, "Q", "Q"),
+    **_same((3, 4, 5), LanguageWord(SPINDLE)),
+    19: LanguageWord(SPINDLE, "RPQ"),
+    **_same((7, 8, 9), LanguageWord(COOLANT)),
+    **_same((62, 63, 64, 65), LanguageWord(SIGNAL, "P", "P")),
+    66: LanguageWord(SIGNAL, "PELQ"),
+    **_same((67, 68), LanguageWord(SIGNAL, "EQ", "E")),
+    **_same((48, 49), LanguageWord(OVERRIDE)),
+    **_same((50, 51, 52, 53), LanguageWord(OVERRIDE, "P")),
+}
+
+# What is known and not read: why, for the message that lists it.
+UNREAD: dict[str, str] = {
+    **dict.fromkeys("ABC", "rotary axes"),
+    **dict.fromkeys("UVW", "axes beside X, Y and Z"),
+    **dict.fromkeys(("G5", "G5.1", "G5.2", "G5.3", "G6.2"), "splines; write G1, G2 or G3"),
+    "G7": "diameters",
+    **dict.fromkeys(("G17.1", "G18.1", "G19.1"), "planes of U, V and W"),
+    **dict.fromkeys(("G33", "G33.1", "G76"), "threads"),
+    **dict.fromkeys(("G38.2", "G38.3", "G38.4", "G38.5"), "probing"),
+    **dict.fromkeys(("G41", "G42", "G41.1", "G42.1"), "cutter compensation"),
+    **dict.fromkeys(("G73", "G74", "G81", "G82", "G83", "G84", "G85", "G86", "G87", "G88", "G89"), "canned cycles"),
+    "G95": "feed per revolution",
+    **dict.fromkeys(("M98", "M99"), "calls"),
+}
+
+
+def word_name(letter: str, value: float) -> str:
+    """A G or M word in its shortest form, G1 for G01.0, and of any other the letter alone."""
+    return f"{letter}{value:.10g}" if letter in "GM" else letter

@@ -1,0 +1,131 @@
+"""The moves of a part of a program, made of its blocks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.compiled import core
+from planner.programs.reading.arcs import resolve_arcs
+from planner.programs.reading.language import CENTRES, MOTION, PATH_MODE, PLANE
+from planner.programs.reading.modal import MoveColumns
+from planner.programs.reading.positions import ProgramTrack
+from planner.programs.reading.program import ARC, RAPID, ZERO_LENGTH_MM, arc_lengths
+from planner.programs.reading.words import LineArray
+from planner.types import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class BlockFeeds:
+    """At every block: feed in mm/s, moves a second under G93 or nan, and P and Q of G64, mm."""
+
+    feed: FloatArray
+    rate: FloatArray
+    tolerance: FloatArray
+    naive: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class MovesOfPart:
+    """The moves that are long enough to be one; how many of them each block has, and the dwells within blocks.
+
+    A dwell is its block, its seconds, and the index among the moves of the one it follows, -1 for none.
+    """
+
+    columns: MoveColumns
+    count: LineArray
+    dwells: list[tuple[int, float, int]]
+
+
+def make_moves(track: ProgramTrack, feeds: BlockFeeds) -> MovesOfPart:
+    """Make the moves; the lines of those too short to be one go to the state."""
+    blocks, modal, state = track.blocks, track.modal, track.state
+    rows, kind, ends = _programmed(track)
+    before = state.position.copy()
+    keep = np.empty(rows.size, dtype=np.uint8)
+    core.reader_merge_short_moves(rows.size, ends, kind == ARC, ZERO_LENGTH_MM, state.position, keep)
+    state.zero_lines.append(blocks.line[rows[keep == 0]])
+    dwells = _dwells(track, rows, keep)
+    kept = keep == 1
+    rows, kind, end = rows[kept], kind[kept], ends[kept]
+    start = np.concatenate([before[None], end])[:-1]
+    normal = np.array([2, 1, 0], dtype=np.uint8)[modal[PLANE][rows] // 10 - 17]
+    centre, sweep = np.full(end.shape, np.nan), np.zeros(rows.size)
+    travel = np.sqrt(np.sum((end - start) ** 2, axis=1))
+    arcs = np.flatnonzero(kind == ARC)
+    if arcs.size:
+        centre[arcs], sweep[arcs] = _arcs(track, rows[arcs], (start[arcs], end[arcs], normal[arcs]))
+        travel[arcs] = arc_lengths(start[arcs], end[arcs], centre[arcs], normal[arcs], sweep[arcs])
+    feed, rate = feeds.feed[rows], feeds.rate[rows]
+    feed = np.where(kind == RAPID, np.inf, np.where(np.isnan(rate), feed, travel * rate))
+    exact = modal[PATH_MODE][rows] != 640
+    columns = MoveColumns(
+        blocks.line[rows], kind.astype(np.uint8), end, centre, normal, sweep, feed, exact, feeds.tolerance[rows],
+        feeds.naive[rows],
+    )  # fmt: skip
+    return MovesOfPart(columns, np.bincount(rows, minlength=track.kind.size), dwells)
+
+
+def _programmed(track: ProgramTrack) -> tuple[LineArray, LineArray, FloatArray]:
+    """Block, kind and end of every move, also of those in blocks that make several."""
+    rows = np.flatnonzero((track.kind >= RAPID) & (track.kind <= ARC))
+    kind, ends = track.kind[rows], track.points[1:][rows]
+    if not track.side:
+        return rows, kind, ends
+    rows = np.append(rows, [move.row for move in track.side])
+    order = np.argsort(rows, kind="stable")
+    kind = np.append(kind, [move.kind for move in track.side])
+    ends = np.concatenate([ends, [move.end for move in track.side]])
+    return rows[order], kind[order], np.ascontiguousarray(ends[order])
+
+
+def _dwells(track: ProgramTrack, rows: LineArray, keep: NDArray[np.uint8]) -> list[tuple[int, float, int]]:
+    """Dwells after moves of blocks that make several."""
+    if not any(move.dwell for move in track.side):
+        return []
+    index, moves = np.cumsum(keep) - 1, sorted(track.side, key=lambda move: move.row)
+    side = np.isin(rows, [move.row for move in moves])
+    return [(move.row, move.dwell, int(at)) for move, at in zip(moves, index[side], strict=True) if move.dwell]
+
+
+def _arcs(
+    track: ProgramTrack, rows: LineArray, move: tuple[FloatArray, FloatArray, NDArray[np.uint8]]
+) -> tuple[FloatArray, FloatArray]:
+    """Centre and sweep of the arcs at these blocks; refuse the impossible."""
+    blocks, modal, unit, (start, end, normal) = track.blocks, track.modal, track.unit, move
+    offsets = np.stack([blocks.letters[name].value[rows] * unit[rows] for name in "IJK"], axis=1)
+    centre = np.where(
+        (modal[CENTRES][rows] == 901)[:, None], track.origins(rows) + offsets, track.points[rows] + offsets
+    )
+    r = blocks.letters["R"]
+    radius = np.where(r.given[rows], r.value[rows] * unit[rows], np.nan)
+    arcs = resolve_arcs(start, end, normal, modal[MOTION][rows] == 30, centre, radius, ZERO_LENGTH_MM)
+    place = np.minimum(blocks.first_of("IJKR", np.ones(blocks.line.size, dtype=bool)), blocks.of_word.size - 1)[rows]
+    bad = np.flatnonzero(~np.isnan(arcs.mismatch))
+    blocks.faults.add(
+        place[bad],
+        lambda i: (
+            f"start and end lie {arcs.radii[bad[i], 0]:.6g} and {arcs.radii[bad[i], 1]:.6g} mm from the centre; "
+            "they may differ by 0.005 mm or 0.05 %"
+        ),
+    )
+    wide = np.flatnonzero(~np.isnan(arcs.gap))
+    blocks.faults.add(
+        place[wide],
+        lambda i: f"start and end are {2.0 * arcs.gap[wide[i]]:.6g} mm farther apart than twice the radius",
+    )
+    lost = np.flatnonzero(~np.isnan(arcs.chord))
+    blocks.faults.add(
+        place[lost],
+        lambda i: (
+            f"start and end lie {arcs.chord[lost[i]]:.3g} mm apart on a radius of {arcs.radii[lost[i], 0]:.6g} mm, by rule "
+            f"a full turn of {2e-3 * np.pi * arcs.radii[lost[i], 0]:.6g} m; write G1 for the short move, or end the circle "
+            "where it starts"
+        ),
+    )
+    full = ~np.isnan(radius) & (np.abs(arcs.sweep) == 2.0 * np.pi)
+    blocks.faults.add(place[full], "a full circle has no radius form; give its centre with I, J, K")
+    blocks.faults.add(place[arcs.small], "the centre lies on the start or the end of the arc")
+    return arcs.centre, arcs.sweep

@@ -1,0 +1,63 @@
+"""Where the coordinates of a program lie on the machine: coordinate systems, G92, tool lengths, and homes.
+
+A point of the machine is the number in a block, plus the origin of the active system (G54 to G59.3), plus the offset of
+G92 or G52, plus that of the tool (G43, G43.1, G43.2).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from planner.programs.reading.setup import Tool
+from planner.types import FloatArray
+
+SYSTEM_CODES = (540, 550, 560, 570, 580, 590, 591, 592, 593)
+
+
+def _origin() -> FloatArray:
+    return np.zeros(3)
+
+
+@dataclass
+class Offsets:
+    """The offsets in force, mm, and the tools.
+
+    ``given`` are the tools of a table, None where there is none: then a tool that the program gives no length has 0.
+    """
+
+    given: Mapping[int, Tool] | None = None
+    written: dict[int, FloatArray] = field(default_factory=dict)  # by G10 L1
+    systems: FloatArray = field(default_factory=lambda: np.zeros((9, 3)))
+    active: int = 0
+    shift: FloatArray = field(default_factory=_origin)  # of G92
+    kept_shift: FloatArray = field(default_factory=_origin)  # that G92.3 brings back
+    length: FloatArray = field(default_factory=_origin)
+    home: dict[int, FloatArray] = field(default_factory=lambda: {280: np.zeros(3), 300: np.zeros(3)})
+    assumed: dict[str, int] = field(default_factory=dict)  # what was taken for 0, with the first line
+
+    @property
+    def total(self) -> FloatArray:
+        """From the numbers of the program to the machine, (3,), mm."""
+        return np.asarray(self.systems[self.active] + self.shift + self.length)
+
+    def of_tool(self, number: int) -> FloatArray | None:
+        """Offset of a tool, mm; None where a table is given and lacks it."""
+        if number in self.written:
+            return self.written[number]
+        if number == 0 or self.given is None:
+            return np.zeros(3)
+        return np.array(self.given[number].offset) if number in self.given else None
+
+    def assume(self, what: str, line: int) -> None:
+        """Note that something the program does not say was taken for 0."""
+        self.assumed.setdefault(what, line)
+
+    def notes(self) -> list[str]:
+        """What was taken for 0, in one sentence."""
+        if not self.assumed:
+            return []
+        said = ", ".join(f"{what} (line {line})" for what, line in self.assumed.items())
+        return [f"taken for 0, since the program does not say: {said}"]

@@ -1,0 +1,114 @@
+"""The programmed point after every block, in coordinates of the machine.
+
+Between words that act at once (``acts``) the offsets do not change: there the positions of all blocks are made of whole
+columns.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from planner.geometry.curve import MAX_COORDINATE
+from planner.programs.reading.blocks import Blocks
+from planner.programs.reading.language import CHANGE, DISTANCE, ONCE, SYSTEM, TOOL_LENGTH
+from planner.programs.reading.modal import INCH_MM, ReadingState
+from planner.programs.reading.program import AXES, RAPID
+from planner.programs.reading.words import LineArray
+from planner.types import FloatArray
+
+_DWELL, _MACHINE = 40, 530
+
+
+@dataclass
+class SideMove:
+    """A move of a block that makes several, or that is not where its words say: its end, mm, and a dwell after it, s."""
+
+    row: int
+    kind: int
+    end: FloatArray
+    dwell: float = 0.0
+
+
+@dataclass
+class ProgramTrack:
+    """The programmed points of a part as they are made: before the first and after every block, (n + 1, 3), mm."""
+
+    blocks: Blocks
+    modal: dict[int, LineArray]
+    unit: FloatArray
+    kind: LineArray
+    state: ReadingState
+    points: FloatArray = field(init=False)
+    side: list[SideMove] = field(default_factory=list)
+    totals: list[tuple[int, FloatArray]] = field(default_factory=list)  # the offsets from a block on
+
+    def __post_init__(self) -> None:
+        self.points = np.empty((self.kind.size + 1, 3))
+        self.points[0] = self.state.programmed
+
+    def special_rows(self) -> LineArray:
+        """Blocks at which something is done that is no plain move."""
+        once = self.blocks.g[ONCE]
+        special = once.given & (once.value != _DWELL)
+        for column in (self.blocks.g[TOOL_LENGTH], self.blocks.g[SYSTEM], self.blocks.m[CHANGE]):
+            special |= column.given
+        return np.flatnonzero(special)
+
+    def in_machine_coordinates(self, row: int) -> bool:
+        """Whether a block has G53."""
+        once = self.blocks.g[ONCE]
+        return bool(once.given[row]) and once.value[row] == _MACHINE
+
+    def stand(self, row: int, axis: int, at: float) -> None:
+        """Let an axis without a word before a block have stood somewhere from the start, mm."""
+        shift = at - self.state.programmed[axis]
+        self.state.stand(axis, at)
+        self.state.known[axis] = True
+        self.points[: row + 1, axis] += shift
+        for move in self.side:
+            move.end[axis] += shift
+
+    def origins(self, rows: LineArray) -> FloatArray:
+        """What absolute centres of arcs at these blocks count from, (m, 3), mm."""
+        at = np.searchsorted([row for row, _ in self.totals], rows, side="right") - 1
+        return np.array([total for _, total in self.totals])[at]
+
+    def run(self, first: int, last: int) -> None:
+        """Carry the position through the blocks from the first to before the last."""
+        state, rows = self.state, np.arange(last - first)
+        machine = last == first + 1 and self.in_machine_coordinates(first)
+        offset = np.zeros(3) if machine else state.offsets.total
+        self.totals.append((first, offset))
+        kind, unit = self.kind[first:last], self.unit[first:last]
+        absolute = np.ones(1, dtype=np.bool_) if machine else self.modal[DISTANCE][first:last] == 900
+        moving = kind >= RAPID
+        for axis, name in enumerate(AXES):
+            column = self.blocks.letters[name]
+            given, target = column.given[first:last] & moving, column.value[first:last] * unit
+            if state.axis_lines[axis] == 0 and given.any():
+                row = int(np.argmax(given))
+                state.axis_lines[axis] = self.blocks.line[first + row]
+                if not state.known[axis] and absolute[row] and kind[row] == RAPID:
+                    self.stand(first, axis, float(target[row] + offset[axis]))
+            out = self.points[first + 1 : last + 1, axis]
+            if not given.any():
+                out[:] = state.programmed[axis]
+                continue
+            steps = np.cumsum(np.where(given & ~absolute, target, 0.0))
+            at = np.maximum.accumulate(np.where(given & absolute, rows, -1))
+            since = np.where(at >= 0, steps - steps[at], steps)
+            out[:] = np.where(at >= 0, target[at] + offset[axis], state.programmed[axis]) + since
+        state.programmed = self.points[last].copy()
+
+    def require_near(self) -> None:
+        """Refuse blocks that lead too far."""
+        far = np.flatnonzero((np.abs(self.points[1:]) > MAX_COORDINATE * INCH_MM).any(axis=1))
+        self.blocks.faults.add(self.blocks.first[far], "leads farther than 2.5e10 mm from 0")
+
+
+def block_numbers(blocks: Blocks, row: int, unit: float) -> list[float | None]:
+    """The numbers behind X, Y and Z in a block, mm."""
+    found = [blocks.number(row, name) for name in AXES]
+    return [None if value is None else value * unit for value in found]

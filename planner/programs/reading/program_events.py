@@ -1,0 +1,56 @@
+"""What happens between the moves of a program: dwells, stops, tool changes and switches."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from planner.programs.reading.blocks import WordColumn
+from planner.programs.reading.language import CHANGE, COOLANT, ONCE, SPINDLE, STOP
+from planner.programs.reading.move_making import MovesOfPart
+from planner.programs.reading.positions import ProgramTrack
+from planner.programs.reading.program import Event
+
+_DWELL = 40
+_STOP_KINDS = {0: "stop", 1: "optional_stop", 2: "end", 30: "end", 60: "stop"}
+
+
+def add_events(track: ProgramTrack, moves: MovesOfPart) -> None:
+    """Note events in the order in which a controller acts on them; the state takes them."""
+    blocks, state = track.blocks, track.state
+    letters, dwell = blocks.letters, blocks.g[ONCE].has(_DWELL)
+    speed, tool = letters["S"], letters["T"]
+    change, spindle, coolant, stop = (blocks.m[k] for k in (CHANGE, SPINDLE, COOLANT, STOP))
+    named = dwell | np.logical_or.reduce([column.given for column in (speed, tool, change, spindle, coolant, stop)])
+    inside: dict[int, list[tuple[float, int]]] = {}
+    for row, seconds, index in moves.dwells:
+        inside.setdefault(row, []).append((seconds, index))
+        named[row] = True
+    last = state.moves + np.cumsum(moves.count) - 1
+    for row in np.flatnonzero(named).tolist():
+        line, after = int(blocks.line[row]), int(last[row])
+        before = after - int(moves.count[row])
+
+        def text(*columns: WordColumn, row: int = row) -> str:
+            return " ".join(blocks.words.word(int(c.word[row])) for c in columns if c.given[row])
+
+        def note(kind: str, words: str, index: int, seconds: float = 0.0, line: int = line) -> None:
+            state.events.append(Event(line, kind, seconds, index, words))
+
+        if tool.given[row]:
+            state.tool = text(tool)
+            if not change.given[row]:
+                note("tool", state.tool, before)
+        if change.given[row] and change.value[row] == 6:
+            note("tool_change", f"{text(change)} {state.tool}".strip(), before)
+        if spindle.given[row] or (speed.given[row] and speed.value[row] != state.spindle):
+            note("spindle", text(spindle, speed), before)
+        if speed.given[row]:
+            state.spindle = float(speed.value[row])
+        if coolant.given[row]:
+            note("coolant", text(coolant), before)
+        if dwell[row]:
+            note("dwell", text(blocks.g[ONCE], letters["P"]), before, float(letters["P"].value[row]))
+        for seconds, index in inside.get(row, ()):
+            note("dwell", f"P{seconds:g}", state.moves + index, seconds)
+        if stop.given[row]:
+            note(_STOP_KINDS[int(stop.value[row])], text(stop), after)

@@ -1,0 +1,154 @@
+"""Rules on the words of a block: which belong to which, and what a block moves."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from planner.programs.reading.blocks import Blocks, WordColumn
+from planner.programs.reading.language import (
+    CENTRES,
+    G_WORDS,
+    M_WORDS,
+    MOTION,
+    ONCE,
+    OWNED_LETTERS,
+    PATH_MODE,
+    PLANE,
+    SIGNAL,
+    TOOL_LENGTH,
+    LanguageWord,
+    word_name,
+)  # fmt: skip
+from planner.programs.reading.program import ARC, LINE, RAPID
+from planner.programs.reading.words import LineArray, Mask
+
+_DWELL = 40
+_NAMES_SHOWN = 8
+# Words whose X, Y and Z are no end of a move.
+_TAKE_AXES = {
+    group: tuple(code for code, word in G_WORDS.items() if word.group == group and "X" in word.takes)
+    for group in (ONCE, TOOL_LENGTH)
+}
+_Codes = dict[str, dict[tuple[str, int], tuple[int, ...]]]
+
+
+def _owners() -> _Codes:
+    """By letter: the words that take it, by kind (G or M) and modal group."""
+    out: _Codes = {}
+    for letter in OWNED_LETTERS:
+        found: dict[tuple[str, int], tuple[int, ...]] = {}
+        for kind, table in (("G", G_WORDS), ("M", M_WORDS)):
+            for code, word in table.items():
+                if letter in word.takes:
+                    found[kind, word.group] = (*found.get((kind, word.group), ()), code)
+        out[letter] = found
+    return out
+
+
+_OWNERS = _owners()
+
+
+def takes_axes(blocks: Blocks) -> Mask:
+    """Blocks whose X, Y and Z belong to another word than a motion."""
+    out = np.zeros(blocks.line.size, dtype=np.bool_)
+    for group, codes in _TAKE_AXES.items():
+        if blocks.g[group].given.any():
+            out |= blocks.g[group].has(*codes)
+    return out
+
+
+def check_words(blocks: Blocks, motion: LineArray, kind: LineArray) -> None:
+    """Rules on single words, and on words that belong to others of their block."""
+    faults, letters = blocks.faults, blocks.letters
+    number = letters["N"]
+    faults.add(number.word[number.given & (number.word != blocks.first)], "a line number must come first in its block")
+    for name in "NFSTPDHL":
+        column = letters[name]
+        if column.given.any():
+            faults.add(column.at(column.value < 0.0), "must not be negative")
+    q = letters["Q"]
+    faults.add(q.at((q.value < 0.0) & ~blocks.m[SIGNAL].given), "must not be negative")
+    for name in "TDHL":
+        column = letters[name]
+        if column.given.any():
+            faults.add(column.at(column.value != np.rint(column.value)), "must be a whole number")
+    r, p, blend = letters["R"], letters["P"], blocks.g[PATH_MODE].has(640)
+    faults.add(r.at((r.value == 0.0) & np.isin(motion, (20, 30))), "the radius must not be 0")
+    faults.add(r.at(blocks.any_of("IJK")), "an arc has a radius R or a centre I, J, K, not both")
+    faults.add(q.at(blend & ~p.given), "needs the tolerance P beside it")
+    dwell = blocks.g[ONCE].has(_DWELL)
+    moving = blocks.any_of("XYZIJKR")
+    faults.add(blocks.first_of("XYZIJKR", dwell & moving), "motion beside G4; write the dwell in a block of its own")
+    for column, letter, table in (
+        *((column, "G", G_WORDS) for column in blocks.g), *((column, "M", M_WORDS) for column in blocks.m)
+    ):  # fmt: skip
+        _check_needs(blocks, column, letter, table)
+    for letter in OWNED_LETTERS:
+        if letters[letter].given.any():
+            _check_owner(blocks, letter, motion, kind)
+
+
+def _check_needs(blocks: Blocks, column: WordColumn, letter: str, table: dict[int, LanguageWord]) -> None:
+    """Words without a letter that they need."""
+    if not column.given.any():
+        return
+    for code, word in table.items():
+        for name in word.needs:
+            lacking = column.has(code) & ~blocks.letters[name].given
+            what = "the time P in seconds" if (letter, code) == ("G", _DWELL) else f"{name} beside it"
+            blocks.faults.add(column.word[lacking], f"needs {what}")
+
+
+def _check_owner(blocks: Blocks, letter: str, motion: LineArray, kind: LineArray) -> None:
+    """A letter whose word is not there, or that could belong to several."""
+    column, owners = blocks.letters[letter], _OWNERS[letter]
+    count = np.zeros(motion.size, dtype=np.int64)
+    for (table, group), codes in owners.items():
+        if (table, group) == ("G", MOTION):
+            count += np.isin(motion, codes) & (kind >= RAPID)
+        else:
+            count += (blocks.g if table == "G" else blocks.m)[group].has(*codes)
+    if letter in "IJK":
+        blocks.faults.add(
+            column.at((count == 0) & ~np.isin(motion, (20, 30))), "belongs to G2 or G3, which is not active"
+        )
+        return
+    names = [_name(table, code) for (table, _), codes in owners.items() for code in codes]
+    shown = ", ".join(names[:_NAMES_SHOWN]) + (" ..." if len(names) > _NAMES_SHOWN else "")
+    exponent = "a number has no exponent; E " if letter == "E" else ""
+    blocks.faults.add(
+        column.at(count == 0), f"{exponent}belongs to a word that is not in the block; it is read beside {shown}"
+    )
+    blocks.faults.add(column.at(count > 1), "could belong to several words of the block; write them in two blocks")
+
+
+def _name(letter: str, code: int) -> str:
+    return word_name(letter, code / 10.0 if letter == "G" else code)
+
+
+def check_motion(blocks: Blocks, modal: dict[int, LineArray]) -> LineArray:
+    """What every block moves: RAPID, LINE, ARC, or -1 for nothing."""
+    faults, active, word = blocks.faults, modal[MOTION], blocks.g[MOTION]
+    other, named = takes_axes(blocks), blocks.any_of("XYZ")
+    ends, centres = named & ~other, blocks.any_of("IJKR") & ~other
+    arc = (active == 20) | (active == 30)
+    faults.add(
+        blocks.first_of("XYZ", named & other & word.given),
+        "belongs to the other word of the block; write the motion in a block of its own",
+    )
+    faults.add(blocks.first_of("XYZ", ends & (active == 800)), "no G0, G1, G2 or G3 is active")
+    faults.add(word.at(arc & ~ends & ~centres & ~other), "an arc needs an end point or a centre")
+    faults.add(blocks.first_of("XYZ", arc & ends & ~centres), "an arc needs a centre I, J, K or a radius R")
+    plane = modal[PLANE]
+    for name, code in (("I", 190), ("J", 180), ("K", 170)):
+        column = blocks.letters[name]
+        faults.add(column.at(arc & (plane == code)), f"is along the normal of the plane, G{code // 10}")
+    absolute = arc & (modal[CENTRES] == 901) & centres & ~blocks.letters["R"].given
+    for name, code in (("I", 190), ("J", 180), ("K", 170)):
+        lacking = absolute & (plane != code) & ~blocks.letters[name].given
+        faults.add(blocks.first_of("IJK", lacking & blocks.any_of("IJK")), f"under G90.1 the arc needs {name} as well")
+    kind = np.full(active.size, -1)
+    kind[ends & (active == 0)] = RAPID
+    kind[ends & (active == 10)] = LINE
+    kind[arc & (ends | centres)] = ARC
+    return kind

@@ -1,0 +1,69 @@
+"""What a program counts on that does not stand in it: the tools of the machine."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from planner.errors import InputError
+from planner.inputs import require_path, shorten
+
+_ENTRY = re.compile(r"([A-Z])([-+]?\d*\.?\d+(?:E[-+]?\d+)?|[-+]?\d+\.)", re.IGNORECASE)
+_AXES = "XYZ"
+
+
+@dataclass(frozen=True)
+class Tool:
+    """A tool: its offsets along X, Y and Z, of which Z is the length, and its diameter, mm."""
+
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    diameter: float = 0.0
+
+
+def read_tool_table(path: str | Path) -> Mapping[int, Tool]:
+    """Read a tool table of LinuxCNC, ``.tbl``: a line for each tool, ``T1 P1 Z40.2 D6 ;6 mm end mill``, in mm.
+
+    Raises
+    ------
+    InputError
+        ``file:line: word: reason`` where it is none.
+    """
+    file = require_path(path)
+    try:
+        text = file.read_text(encoding="utf-8", errors="replace")
+    except OSError as problem:
+        raise InputError(f"{file}: cannot be read ({problem.strerror})") from None
+    tools: dict[int, Tool] = {}
+    for number, line in enumerate(text.splitlines(), start=1):
+        words = line.split(";")[0].split()
+        if not words:
+            continue
+        entries = _entries(f"{file.name}:{number}", words)
+        if "T" not in entries:
+            raise InputError(f"{file.name}:{number}: {shorten(line.strip())}: a line of a tool table needs a T word")
+        tool = entries["T"]
+        if tool != int(tool) or tool < 0:
+            raise InputError(
+                f"{file.name}:{number}: T{tool:g}: the number of a tool must be a whole number of at least 0"
+            )
+        if int(tool) in tools:
+            raise InputError(f"{file.name}:{number}: T{tool:g}: the tool is in the table already")
+        x, y, z = (entries.get(axis, 0.0) for axis in _AXES)
+        tools[int(tool)] = Tool((x, y, z), entries.get("D", 0.0))
+    if not tools:
+        raise InputError(f"{file.name}:1: end of file: there is no tool in the table; give a line T1 P1 Z40 for each")
+    return tools
+
+
+def _entries(place: str, words: list[str]) -> dict[str, float]:
+    entries: dict[str, float] = {}
+    for word in words:
+        match = _ENTRY.fullmatch(word)
+        if match is None:
+            raise InputError(
+                f"{place}: {shorten(word)}: no word of a tool table, which has lines as T1 P1 Z40.2 D6 ;name"
+            )
+        entries[match[1].upper()] = float(match[2])
+    return entries
