@@ -10,8 +10,13 @@ from numpy.typing import NDArray
 from planner.types import FloatArray
 
 # Start and end differ in their distance from the centre by the digits they are written with; by more the arc is wrong.
-RADIUS_MISMATCH_MM = 0.005
-RADIUS_MISMATCH_SHARE = 5e-4
+# The bounds are LinuxCNC's: 2 sqrt(2) steps of its resolution, 0.01 mm or 0.001 inch, or a share of the larger radius, of
+# which it takes no more than 100 times the former.
+RADIUS_MISMATCH_MM = 0.02 * np.sqrt(2.0)
+RADIUS_MISMATCH_INCH = 0.002 * np.sqrt(2.0)
+RADIUS_MISMATCH_SHARE = 1e-3
+_MAX_MISMATCH = 100.0
+RADIUS_TOO_SMALL_MM = 0.00127  # of half the chord, in either unit
 # Start and end in one direction from the centre make a full turn by rule.  Where they are apart, and by so little against
 # the circle, a short move was meant, and its digits lost; controllers do not agree on it.
 _SAME_DIRECTION = 1e-6  # rad
@@ -22,15 +27,16 @@ _SMALL_CHORD = 1e-6  # of the circumference
 class Arcs:
     """Centre (m, 3) in mm, sweep (m,) in rad, and what makes an arc impossible (m,), nan or a size in mm.
 
-    ``mismatch`` is the difference of the two radii where it is too large, ``gap`` how much farther apart start and end
-    are than a circle of the radius R allows, ``small`` a radius too small to be one, ``chord`` the distance of a start and
-    an end that are apart, and yet on a circle so large that they are the same.
+    ``mismatch`` is the difference of the two radii where it is too large, ``allowed`` what it may be, ``gap`` how much
+    farther apart start and end are than a circle of the radius R allows, ``small`` a radius too small to be one, ``chord``
+    the distance of a start and an end that are apart, and yet on a circle so large that they are the same.
     """
 
     centre: FloatArray
     sweep: FloatArray
     radii: FloatArray
     mismatch: FloatArray
+    allowed: FloatArray
     gap: FloatArray
     chord: FloatArray
     small: NDArray[np.bool_]
@@ -44,6 +50,7 @@ def resolve_arcs(
     centre: FloatArray,
     radius: FloatArray,
     threshold: float,
+    unit: FloatArray,
 ) -> Arcs:
     """Complete arcs given by their centre, or where ``radius`` is a number by that.
 
@@ -67,6 +74,8 @@ def resolve_arcs(
         R, mm, or nan.
     threshold : float
         Points closer than this are the same, mm: the arc is a full circle.
+    unit : (m,) array
+        Length unit of the blocks, mm: what the digits of the radii may be off depends on it.
 
     Returns
     -------
@@ -91,8 +100,9 @@ def resolve_arcs(
     sweep = np.where(counterclockwise, turn, -turn) % (2.0 * np.pi)
     sweep[(distance < threshold) | (sweep == 0.0)] = 2.0 * np.pi
     mismatch = np.abs(radii[:, 1] - radii[:, 0])
-    allowed = np.maximum(RADIUS_MISMATCH_MM, RADIUS_MISMATCH_SHARE * radii.max(axis=1))
-    too_wide = given & (gap > np.maximum(RADIUS_MISMATCH_MM, RADIUS_MISMATCH_SHARE * np.abs(radius)))
+    step = np.where(unit == 1.0, RADIUS_MISMATCH_MM, RADIUS_MISMATCH_INCH * unit)
+    allowed = np.clip(RADIUS_MISMATCH_SHARE * radii.max(axis=1), step, _MAX_MISMATCH * step)
+    too_wide = given & (gap > RADIUS_TOO_SMALL_MM)
     lost = (np.abs(turn) < _SAME_DIRECTION) & (distance >= threshold)
     lost &= distance < _SMALL_CHORD * 2.0 * np.pi * radii.max(axis=1)
     whole = start.copy()
@@ -102,6 +112,7 @@ def resolve_arcs(
         sweep=np.where(counterclockwise, sweep, -sweep),
         radii=radii,
         mismatch=np.where(~given & (mismatch > allowed), mismatch, np.nan),
+        allowed=allowed,
         gap=np.where(too_wide, gap, np.nan),
         chord=np.where(lost, distance, np.nan),
         small=~given & (radii.min(axis=1) < threshold),

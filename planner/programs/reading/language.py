@@ -37,7 +37,7 @@ def _same(codes: tuple[int, ...], word: LanguageWord) -> dict[int, LanguageWord]
 # G words by ten times their number.
 G_WORDS: dict[int, LanguageWord] = {
     **_same((0, 10), LanguageWord(MOTION, "XYZ")),
-    **_same((20, 30), LanguageWord(MOTION, "XYZIJKR")),
+    **_same((20, 30), LanguageWord(MOTION, "XYZIJKRP")),
     800: LanguageWord(MOTION),
     40: LanguageWord(ONCE, "P", "P"),
     100: LanguageWord(ONCE, "LPXYZR", "LP"),

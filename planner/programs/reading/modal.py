@@ -72,6 +72,7 @@ class ReadingState:
     parts: list[MoveColumns] = field(default_factory=list)
     events: list[Event] = field(default_factory=list)
     zero_lines: list[LineArray] = field(default_factory=list)
+    long_arcs: list[tuple[int, float, float]] = field(default_factory=list)  # full turns: line, length, turns
     skipped: dict[str, tuple[int, int]] = field(default_factory=dict)  # by their first character: first line, how many
 
     def place(self, start: Sequence[float]) -> None:
@@ -135,7 +136,12 @@ class ReadingState:
             f"{count} line{'s' if count > 1 else ''} with {_NO_BLOCKS[name]} passed over, the first is line {first}"
             for name, (first, count) in self.skipped.items()
         ]
-        return (*self.offsets.notes(), *lines, *self.unread.notes())
+        arcs = [
+            f"line {line}: start and end lie in one direction from the centre: by rule {turns:g} full turns, "
+            f"{1e-3 * length:.6g} m on a radius of {length / (2.0 * np.pi * turns):.6g} mm"
+            for line, length, turns in self.long_arcs
+        ]
+        return (*self.offsets.notes(), *lines, *arcs, *self.unread.notes())
 
 
 @dataclass(frozen=True, eq=False)

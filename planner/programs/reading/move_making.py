@@ -16,6 +16,8 @@ from planner.programs.reading.program import ARC, RAPID, ZERO_LENGTH_MM, arc_len
 from planner.programs.reading.words import LineArray
 from planner.types import FloatArray
 
+_LONG_ARC_MM = 1e6  # a full turn of this length is likely a short move whose digits are lost
+
 
 @dataclass(frozen=True, eq=False)
 class BlockFeeds:
@@ -58,6 +60,8 @@ def make_moves(track: ProgramTrack, feeds: BlockFeeds) -> MovesOfPart:
     if arcs.size:
         centre[arcs], sweep[arcs] = _arcs(track, rows[arcs], (start[arcs], end[arcs], normal[arcs]))
         travel[arcs] = arc_lengths(start[arcs], end[arcs], centre[arcs], normal[arcs], sweep[arcs])
+        for k in arcs[(travel[arcs] > _LONG_ARC_MM) & (np.abs(sweep[arcs]) >= 2.0 * np.pi)].tolist():
+            state.long_arcs.append((int(blocks.line[rows[k]]), float(travel[k]), abs(float(sweep[k])) / (2.0 * np.pi)))
     feed, rate = feeds.feed[rows], feeds.rate[rows]
     feed = np.where(kind == RAPID, np.inf, np.where(np.isnan(rate), feed, travel * rate))
     exact = modal[PATH_MODE][rows] != 640
@@ -101,14 +105,14 @@ def _arcs(
     )
     r = blocks.letters["R"]
     radius = np.where(r.given[rows], r.value[rows] * unit[rows], np.nan)
-    arcs = resolve_arcs(start, end, normal, modal[MOTION][rows] == 30, centre, radius, ZERO_LENGTH_MM)
+    arcs = resolve_arcs(start, end, normal, modal[MOTION][rows] == 30, centre, radius, ZERO_LENGTH_MM, unit[rows])
     place = np.minimum(blocks.first_of("IJKR", np.ones(blocks.line.size, dtype=bool)), blocks.of_word.size - 1)[rows]
     bad = np.flatnonzero(~np.isnan(arcs.mismatch))
     blocks.faults.add(
         place[bad],
         lambda i: (
             f"start and end lie {arcs.radii[bad[i], 0]:.6g} and {arcs.radii[bad[i], 1]:.6g} mm from the centre; "
-            "they may differ by 0.005 mm or 0.05 %"
+            f"they may differ by {arcs.allowed[bad[i]]:.3g} mm"
         ),
     )
     wide = np.flatnonzero(~np.isnan(arcs.gap))
@@ -128,4 +132,10 @@ def _arcs(
     full = ~np.isnan(radius) & (np.abs(arcs.sweep) == 2.0 * np.pi)
     blocks.faults.add(place[full], "a full circle has no radius form; give its centre with I, J, K")
     blocks.faults.add(place[arcs.small], "the centre lies on the start or the end of the arc")
-    return arcs.centre, arcs.sweep
+    p = blocks.letters["P"]
+    turns = np.where(p.given[rows], p.value[rows], 1.0)
+    blocks.faults.add(
+        p.word[rows[(turns < 1.0) | (turns != np.rint(turns))]],
+        "the turns of an arc must be a whole number of at least 1",
+    )
+    return arcs.centre, arcs.sweep + np.copysign(2.0 * np.pi * (turns - 1.0), arcs.sweep)

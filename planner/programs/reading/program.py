@@ -67,8 +67,8 @@ class Program:
         Axis normal to the arc's plane: 2 for G17, 1 for G18, 0 for G19.
     sweep : (m,) array
         Angle swept about the positive normal axis by the right-hand rule (G3 > 0, G2 < 0 in every plane), rad, at most
-        a full turn; 0 for lines and rapids.  The coordinate along the normal, and the radius where start and end
-        differ in it, are linear in the angle.
+        a full turn, or with a P word whole turns more; 0 for lines and rapids.  The coordinate along the normal, and the
+        radius where start and end differ in it, are linear in the angle.
     feed : (m,) array
         Cap on the feed of the tool tip, mm/s; inf for rapids.  A line under G93 has its length over its time.
     stop_after : (m,) bool array

@@ -72,7 +72,7 @@ REFUSED = {
     "F60 G18\nG2 X5 I2.5 J1\nM2": "2: J1: is along the normal of the plane, G18",
     "F60\nG90.1\nG2 X5 I2.5\nM2": "3: I2.5: under G90.1 the arc needs J as well",
     "F60\nG2 X10 Y0 I4\nM2": (
-        "2: I4: start and end lie 4 and 6 mm from the centre; they may differ by 0.005 mm or 0.05 %"
+        "2: I4: start and end lie 4 and 6 mm from the centre; they may differ by 0.0283 mm"
     ),
     "F60\nG2 X10 Y0 R4\nM2": "2: R4: start and end are 2 mm farther apart than twice the radius",
     "F60\nG2 X0 Y0 R4\nM2": "2: R4: a full circle has no radius form; give its centre with I, J, K",
@@ -81,7 +81,7 @@ REFUSED = {
     "G4 P-1\nM2": "1: P-1: must not be negative",
     "G1 F60\nG4 P1 X1\nM2": "2: X1: motion beside G4; write the dwell in a block of its own",
     "P1\nM2": (
-        "1: P1: belongs to a word that is not in the block; it is read beside G4, G10, G64, M19, M62, M63, M64, M65 ..."
+        "1: P1: belongs to a word that is not in the block; it is read beside G2, G3, G4, G10, G64, M19, M62, M63 ..."
     ),
     "G64 G4 P1\nM2": "1: P1: could belong to several words of the block; write them in two blocks",
     "G64 Q1\nM2": "1: Q1: needs the tolerance P beside it",
