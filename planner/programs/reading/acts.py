@@ -11,9 +11,10 @@ from collections.abc import Callable
 import numpy as np
 
 from planner.programs.reading.blocks import WordColumn
+from planner.programs.reading.cycles import run_cycle
 from planner.programs.reading.language import CHANGE, DISTANCE, MOTION, ONCE, SYSTEM, TOOL_LENGTH
 from planner.programs.reading.offsets import SYSTEM_CODES
-from planner.programs.reading.positions import ProgramTrack, SideMove, block_numbers
+from planner.programs.reading.positions import CYCLE, ProgramTrack, SideMove, block_numbers
 from planner.programs.reading.program import RAPID
 
 
@@ -25,8 +26,13 @@ def carry_positions(track: ProgramTrack) -> None:
             track.run(at, row)
         _act(track, row)
         at = row
-        if track.in_machine_coordinates(row):
+        machine = track.in_machine_coordinates(row)
+        if machine:
             _note_machine(track, row)
+        if track.kind[row] == CYCLE:
+            run_cycle(track, row)
+            at = row + 1
+        elif machine:
             track.run(row, row + 1)
             at = row + 1
     if at < track.kind.size:

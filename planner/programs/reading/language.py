@@ -39,6 +39,9 @@ G_WORDS: dict[int, LanguageWord] = {
     **_same((0, 10), LanguageWord(MOTION, "XYZ")),
     **_same((20, 30), LanguageWord(MOTION, "XYZIJKRP")),
     800: LanguageWord(MOTION),
+    **_same((810, 850), LanguageWord(MOTION, "XYZRL")),
+    **_same((740, 820, 840, 860, 890), LanguageWord(MOTION, "XYZRLP")),
+    **_same((730, 830), LanguageWord(MOTION, "XYZRLQ")),
     40: LanguageWord(ONCE, "P", "P"),
     100: LanguageWord(ONCE, "LPXYZR", "LP"),
     **_same((280, 300), LanguageWord(ONCE, "XYZ")),
@@ -62,6 +65,8 @@ G_WORDS: dict[int, LanguageWord] = {
     960: LanguageWord(SPEED_MODE, "D"),
     970: LanguageWord(SPEED_MODE),
 }
+
+CYCLES = tuple(code for code, word in G_WORDS.items() if word.group == MOTION and "L" in word.takes)
 
 M_WORDS: dict[int, LanguageWord] = {
     **_same((0, 1, 2, 30, 60), LanguageWord(STOP)),
@@ -87,7 +92,7 @@ UNREAD: dict[str, str] = {
     **dict.fromkeys(("G33", "G33.1", "G76"), "threads"),
     **dict.fromkeys(("G38.2", "G38.3", "G38.4", "G38.5"), "probing"),
     **dict.fromkeys(("G41", "G42", "G41.1", "G42.1"), "cutter compensation"),
-    **dict.fromkeys(("G73", "G74", "G81", "G82", "G83", "G84", "G85", "G86", "G87", "G88", "G89"), "canned cycles"),
+    **dict.fromkeys(("G87", "G88"), "cycles that wait for a hand"),
     "G95": "feed per revolution",
     **dict.fromkeys(("M98", "M99"), "calls"),
 }

@@ -38,6 +38,17 @@ _NO_STOP_KINDS = ("spindle", "coolant", "tool")
 
 
 @dataclass
+class CycleSeries:
+    """Canned cycles without another motion between them: the last one, the level of the axis before the first, mm on the
+    machine, and the words kept: R, Q and depth in mm, P in s.
+    """
+
+    code: int
+    level: float
+    numbers: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass
 class ReadingState:
     """What one part of the file hands to the next, and the moves so far."""
 
@@ -58,6 +69,7 @@ class ReadingState:
     tool: str = ""
     selected: int = 0  # by T
     loaded: int = 0  # by M6
+    series: CycleSeries | None = None
     programmed: FloatArray = field(default_factory=lambda: np.zeros(3))
     position: FloatArray = field(default_factory=lambda: np.zeros(3))  # where the last kept move ends
     first: FloatArray = field(default_factory=lambda: np.zeros(3))

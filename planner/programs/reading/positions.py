@@ -12,13 +12,14 @@ import numpy as np
 
 from planner.geometry.curve import MAX_COORDINATE
 from planner.programs.reading.blocks import Blocks
-from planner.programs.reading.language import CHANGE, DISTANCE, ONCE, SYSTEM, TOOL_LENGTH
+from planner.programs.reading.language import CHANGE, DISTANCE, MOTION, ONCE, SYSTEM, TOOL_LENGTH
 from planner.programs.reading.modal import INCH_MM, ReadingState
-from planner.programs.reading.program import AXES, RAPID
+from planner.programs.reading.program import ARC, AXES, RAPID
 from planner.programs.reading.words import LineArray
 from planner.types import FloatArray
 
 _DWELL, _MACHINE = 40, 530
+CYCLE = ARC + 1  # kind of a block with a canned cycle, beside those of moves
 
 
 @dataclass
@@ -54,6 +55,7 @@ class ProgramTrack:
         special = once.given & (once.value != _DWELL)
         for column in (self.blocks.g[TOOL_LENGTH], self.blocks.g[SYSTEM], self.blocks.m[CHANGE]):
             special |= column.given
+        special |= self.kind == CYCLE
         return np.flatnonzero(special)
 
     def in_machine_coordinates(self, row: int) -> bool:
@@ -78,6 +80,10 @@ class ProgramTrack:
     def run(self, first: int, last: int) -> None:
         """Carry the position through the blocks from the first to before the last."""
         state, rows = self.state, np.arange(last - first)
+        if state.series is not None and (
+            (self.kind[first:last] >= RAPID).any() or self.blocks.g[MOTION].given[first:last].any()
+        ):
+            state.series = None
         machine = last == first + 1 and self.in_machine_coordinates(first)
         offset = np.zeros(3) if machine else state.offsets.total
         self.totals.append((first, offset))

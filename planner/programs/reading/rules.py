@@ -7,6 +7,7 @@ import numpy as np
 from planner.programs.reading.blocks import Blocks, WordColumn
 from planner.programs.reading.language import (
     CENTRES,
+    CYCLES,
     G_WORDS,
     M_WORDS,
     MOTION,
@@ -19,6 +20,7 @@ from planner.programs.reading.language import (
     LanguageWord,
     word_name,
 )  # fmt: skip
+from planner.programs.reading.positions import CYCLE
 from planner.programs.reading.program import ARC, LINE, RAPID
 from planner.programs.reading.words import LineArray, Mask
 
@@ -113,7 +115,8 @@ def _check_owner(blocks: Blocks, letter: str, motion: LineArray, kind: LineArray
             column.at((count == 0) & ~np.isin(motion, (20, 30))), "belongs to G2 or G3, which is not active"
         )
         return
-    names = [_name(table, code) for (table, _), codes in owners.items() for code in codes]
+    order = sorted(owners, key=("G", MOTION).__eq__)  # motions last, of which there are many
+    names = [_name(key[0], code) for key in order for code in owners[key]]
     shown = ", ".join(names[:_NAMES_SHOWN]) + (" ..." if len(names) > _NAMES_SHOWN else "")
     exponent = "a number has no exponent; E " if letter == "E" else ""
     blocks.faults.add(
@@ -127,7 +130,7 @@ def _name(letter: str, code: int) -> str:
 
 
 def check_motion(blocks: Blocks, modal: dict[int, LineArray]) -> LineArray:
-    """What every block moves: RAPID, LINE, ARC, or -1 for nothing."""
+    """What every block moves: RAPID, LINE, ARC, CYCLE, or -1 for nothing."""
     faults, active, word = blocks.faults, modal[MOTION], blocks.g[MOTION]
     other, named = takes_axes(blocks), blocks.any_of("XYZ")
     ends, centres = named & ~other, blocks.any_of("IJKR") & ~other
@@ -136,7 +139,7 @@ def check_motion(blocks: Blocks, modal: dict[int, LineArray]) -> LineArray:
         blocks.first_of("XYZ", named & other & word.given),
         "belongs to the other word of the block; write the motion in a block of its own",
     )
-    faults.add(blocks.first_of("XYZ", ends & (active == 800)), "no G0, G1, G2 or G3 is active")
+    faults.add(blocks.first_of("XYZ", ends & (active == 800)), "no G0, G1, G2, G3 or cycle is active")
     faults.add(word.at(arc & ~ends & ~centres & ~other), "an arc needs an end point or a centre")
     faults.add(blocks.first_of("XYZ", arc & ends & ~centres), "an arc needs a centre I, J, K or a radius R")
     plane = modal[PLANE]
@@ -151,4 +154,8 @@ def check_motion(blocks: Blocks, modal: dict[int, LineArray]) -> LineArray:
     kind[ends & (active == 0)] = RAPID
     kind[ends & (active == 10)] = LINE
     kind[arc & (ends | centres)] = ARC
+    if ((active > 30) & (active != 800)).any():
+        cycle = np.isin(active, CYCLES)
+        kind[cycle & ends] = CYCLE
+        faults.add(word.at(cycle & ~ends & ~other), "a cycle needs X, Y or Z")
     return kind

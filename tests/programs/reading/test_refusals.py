@@ -38,7 +38,7 @@ REFUSED = {
     "G1 Xsin[30] F600\nM2": "1: XSIN[30]: expressions are not read; write the number",
     "G1 X[1+2]\nM2": "1: X[1+2]: expressions are not read; write the number",
     "G41 D1\nM2": unread(1, "G41", ", cutter compensation"),
-    "G81 X1 Z-1 R1\nM2": unread(1, "G81", ", canned cycles"),
+    "G87 X1 Z-1 R1\nM2": unread(1, "G87", ", cycles that wait for a hand"),
     "G5.2 X1 Y1\nM2": unread(1, "G5.2", ", splines; write G1, G2 or G3"),
     "G95\nM2": unread(1, "G95", ", feed per revolution"),
     "G12\nM2": unread(1, "G12", ""),
@@ -61,8 +61,8 @@ REFUSED = {
     "G17 G18 G19\nM2": "1: G18: G17 of the same modal group is in the block already",
     "M3 M4 S1\nM2": "1: M4: M3 of the same modal group is in the block already",
     "G1 X1 Y2 X3 F60\nM2": "1: X3: the block has X1 already",
-    "X1\nM2": "1: X1: no G0, G1, G2 or G3 is active",
-    "G80\nX1\nM2": "2: X1: no G0, G1, G2 or G3 is active",
+    "X1\nM2": "1: X1: no G0, G1, G2, G3 or cycle is active",
+    "G80\nX1\nM2": "2: X1: no G0, G1, G2, G3 or cycle is active",
     "G1 X1 I2 F60\nM2": "1: I2: belongs to G2 or G3, which is not active",
     "F60\nG2\nM2": "2: G2: an arc needs an end point or a centre",
     "F60\nG2 X5\nM2": "2: X5: an arc needs a centre I, J, K or a radius R",
@@ -81,12 +81,12 @@ REFUSED = {
     "G4 P-1\nM2": "1: P-1: must not be negative",
     "G1 F60\nG4 P1 X1\nM2": "2: X1: motion beside G4; write the dwell in a block of its own",
     "P1\nM2": (
-        "1: P1: belongs to a word that is not in the block; it is read beside G2, G3, G4, G10, G64, M19, M62, M63 ..."
+        "1: P1: belongs to a word that is not in the block; it is read beside G4, G10, G64, M19, M62, M63, M64, M65 ..."
     ),
     "G64 G4 P1\nM2": "1: P1: could belong to several words of the block; write them in two blocks",
     "G64 Q1\nM2": "1: Q1: needs the tolerance P beside it",
     "Q1\nM2": (
-        "1: Q1: belongs to a word that is not in the block; it is read beside G64, M61, M19, M66, M67, M68"
+        "1: Q1: belongs to a word that is not in the block; it is read beside G64, M61, M19, M66, M67, M68, G73, G83"
     ),
     "G0 N10 X1\nM2": "1: N10: a line number must come first in its block",
     "T1.5\nM2": "1: T1.5: must be a whole number",
