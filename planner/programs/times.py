@@ -57,7 +57,7 @@ class LineTimes(Tabular):
         That share, 0 to 1.
     dwell : (m,) array
         Seconds of G4.
-    tool_changes : (m,) int8 array
+    tool_changes : (m,) int64 array
         Number of tool changes.
     limit_names : tuple of str
         As in the profile; "none" first.
@@ -72,7 +72,7 @@ class LineTimes(Tabular):
     binding: NDArray[np.int8]
     share: FloatArray
     dwell: FloatArray
-    tool_changes: NDArray[np.int8]
+    tool_changes: NDArray[np.int64]
     limit_names: tuple[str, ...]
 
     def __post_init__(self) -> None:
@@ -178,7 +178,8 @@ def combined(
     others = [program.zero_lines, np.array([line for line, _ in dwells] + changes, dtype=np.int64)]
     line = np.unique(np.concatenate([moving, *others]))
     columns: dict[str, FloatArray] = {name: np.zeros(line.size) for name in ("length", "seconds", "share", "dwell")}
-    kind, named, tools = (np.zeros(line.size, dtype=np.int8) for _ in range(3))
+    kind, named = (np.zeros(line.size, dtype=np.int8) for _ in range(2))
+    tools = np.zeros(line.size, dtype=np.int64)
     at = np.searchsorted(line, moving)
     move = np.flatnonzero(program.lengths > 0.0)
     np.add.at(columns["length"], at, program.lengths[move])

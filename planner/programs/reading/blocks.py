@@ -70,7 +70,7 @@ class Blocks:
 
 def sort_words(words: Words, faults: Faults, unread: UnreadWords) -> Blocks:
     """Sort the words of every block by letter and modal group; note what is unknown, refuse what is given twice."""
-    starts = np.append(True, np.diff(words.line) > 0)
+    starts = np.append(True, np.diff(words.block_number) > 0)
     of_word, first = np.cumsum(starts) - 1, np.flatnonzero(starts)
     wide = np.flatnonzero(~(np.abs(words.value) <= MAX_COORDINATE))
     faults.add(wide, f"the number must be at most {MAX_COORDINATE:.0e}")

@@ -94,7 +94,6 @@ UNREAD: dict[str, str] = {
     **dict.fromkeys(("G41", "G42", "G41.1", "G42.1"), "cutter compensation"),
     **dict.fromkeys(("G87", "G88"), "cycles that wait for a hand"),
     "G95": "feed per revolution",
-    **dict.fromkeys(("M98", "M99"), "calls"),
 }
 
 

@@ -1,6 +1,7 @@
 """Reader of part programs (RS274, the dialect of LinuxCNC): every block is understood, or refused by name.
 
-Words, blocks, modal state, moves: a module each.  A block is a line with words (``words``, ``blocks``).  Modal words are
+Words, blocks, modal state, moves: a module each.  A block is a line with words (``words``, ``blocks``).  Where there
+are parameters, expressions or O words, the words come in the order in which lines are run (``flow``).  Modal words are
 columns: each group has a value at the blocks that name it, and carries it forward to those that do not (``modal``).
 Positions follow, in the machine's coordinates (``positions``, with the words that change what they count from, ``acts``),
 and moves (``move_making``).  So the rules act on all blocks of some megabytes of text at once.  What the words are stands
@@ -33,6 +34,8 @@ from planner.errors import InputError
 from planner.inputs import require_path
 from planner.programs.reading.acts import carry_positions
 from planner.programs.reading.blocks import Blocks, sort_words
+from planner.programs.reading.flow import Flow
+from planner.programs.reading.flow_lines import needs_flow
 from planner.programs.reading.language import MOTION
 from planner.programs.reading.modal import ReadingState, carry_feeds, carry_modal, carry_tolerances, units
 from planner.programs.reading.move_making import BlockFeeds, make_moves
@@ -86,7 +89,7 @@ def read_program(
     state = ReadingState(file.name, UnreadWords(file.name, ignored_words(ignore)), Offsets(table))
     if start is not None:
         state.place(start)
-    for words, problem in read_words(file):
+    for words, problem in Flow(file).words() if needs_flow(file) else read_words(file):
         _read_part(_before_end(words, state), state)
         if problem is not None and not state.ended:
             state.unread.require_none()
@@ -109,7 +112,9 @@ def _before_end(words: Words, state: ReadingState) -> Words:
     if not ends.size:
         return words
     state.ended = True
-    return keep_words(words, slice(0, int(np.searchsorted(words.line, words.line[ends[0]], side="right"))))
+    return keep_words(
+        words, slice(0, int(np.searchsorted(words.block_number, words.block_number[ends[0]], side="right")))
+    )
 
 
 def _read_part(words: Words, state: ReadingState) -> None:

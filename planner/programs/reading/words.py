@@ -24,9 +24,6 @@ _CHUNK_BYTES = 4 * 1024**2  # bounds the memory of the tables made of it, about 
 _MAX_LINE_BYTES = 64 * 1024  # no block is that long: what has longer lines is no part program
 _NO_BLOCK = re.compile(rb"^[ \t]*([/$?])[^\n]*", re.MULTILINE)
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
-O_WORDS = "O words (program numbers, subroutines, loops) are not read; delete the number, or write out the blocks"
-PARAMETERS = "parameters are not read; write the number"
-EXPRESSIONS = "expressions are not read; write the number"
 
 
 class _Fault(IntEnum):
@@ -53,6 +50,8 @@ class Words:
         Line numbers in the file, from 1.
     lines : int
         Lines in this part of the file.
+    block : (n,) int64 array, optional
+        A number for each block, not decreasing, where lines are run in another order than they stand, or again.
     skipped : sequence of (str, int)
         Lines that are no blocks: / of block delete, $ and ? of a stream to GRBL, each with its number.
     """
@@ -62,10 +61,16 @@ class Words:
     letter: NDArray[np.uint8]
     value: FloatArray
     line: LineArray
-    first: NDArray[np.int32]
-    stop: NDArray[np.int32]
+    first: NDArray[np.int32] | LineArray
+    stop: NDArray[np.int32] | LineArray
     lines: int
+    block: LineArray | None = None
     skipped: Sequence[tuple[str, int]] = ()
+
+    @property
+    def block_number(self) -> LineArray:
+        """A number for each word, the same within a block."""
+        return self.line if self.block is None else self.block
 
     def word(self, index: int) -> str:
         """The word as it stands in the file, in capitals."""
@@ -102,7 +107,7 @@ class Faults:
 def keep_words(words: Words, kept: Mask | slice) -> Words:
     """Some of the words."""
     columns = {name: getattr(words, name)[kept] for name in ("letter", "value", "line", "first", "stop")}
-    return replace(words, **columns)
+    return replace(words, **columns, block=None if words.block is None else words.block[kept])
 
 
 def read_words(path: Path) -> Iterator[tuple[Words, InputError | None]]:
@@ -121,10 +126,10 @@ def read_words(path: Path) -> Iterator[tuple[Words, InputError | None]]:
         if path.exists() and not path.is_file():
             raise InputError(f"{path}: is not a file")
         with open(path, "rb") as file:
-            for text, error in _parts(file):
+            for text, error in text_parts(file):
                 if done == 0 and b"\r" in text.rstrip() and b"\n" not in text:
                     raise InputError(f"{source}: its lines end with CR alone; save it with LF or CR LF")
-                words, fault = _scan(text, source, done)
+                words, fault = scan_text(text, source, done)
                 done += words.lines
                 if fault is None and error:
                     fault = InputError(f"{source}:{done}: {_excerpt(text, text.rfind(10) + 1)}: {error}")
@@ -137,7 +142,7 @@ def read_words(path: Path) -> Iterator[tuple[Words, InputError | None]]:
         raise InputError(f"{str(path)!r}: is not a path ({problem})") from None
 
 
-def _parts(file: BinaryIO) -> Iterator[tuple[bytes, str]]:
+def text_parts(file: BinaryIO) -> Iterator[tuple[bytes, str]]:
     """Whole lines, some megabytes at a time; with a reason if the file has a line too long to be one."""
     first = True
     while text := file.read(_CHUNK_BYTES):
@@ -148,7 +153,8 @@ def _parts(file: BinaryIO) -> Iterator[tuple[bytes, str]]:
         yield text + rest, f"a line of more than {_MAX_LINE_BYTES} characters" if too_long else ""
 
 
-def _scan(text: bytes, source: str, lines_before: int) -> tuple[Words, InputError | None]:
+def scan_text(text: bytes, source: str, lines_before: int) -> tuple[Words, InputError | None]:
+    """Split whole lines into words; with them comes the error of the first character that fits nowhere, if any."""
     text, skipped = _without_lines(text, lines_before)
     raw = np.frombuffer(text, dtype=np.uint8)
     size = raw.size // 2 + 2  # a word has two characters; a % has one, which the rules let stand alone only
@@ -163,7 +169,9 @@ def _scan(text: bytes, source: str, lines_before: int) -> tuple[Words, InputErro
         fault = InputError(f"{source}:{lines_before + 1 + found[2]}: {_complaint(text, int(found[0]), int(found[1]))}")
     lines = text.count(b"\n") + (not text.endswith(b"\n"))
     at = line[:count].astype(np.int64) + (lines_before + 1)
-    return Words(source, text, letter[:count], value[:count], at, first[:count], stop[:count], lines, skipped), fault
+    return Words(
+        source, text, letter[:count], value[:count], at, first[:count], stop[:count], lines, None, skipped
+    ), fault
 
 
 def _without_lines(text: bytes, lines_before: int) -> tuple[bytes, list[tuple[str, int]]]:
@@ -184,36 +192,18 @@ def _complaint(text: bytes, what: int, at: int) -> str:
         case _Fault.BYTE:
             return f"byte 0x{text[at]:02x}: not a character of a part program; the file is binary or damaged"
         case _Fault.NO_NUMBER:
-            return _unread(text, at)
+            return f"{_excerpt(text, at)}: a letter needs a number after it"
         case _Fault.NO_LETTER:
             return f"{_excerpt(text, at)}: a number needs a letter before it"
         case _Fault.OPEN_COMMENT:
             return f"{_excerpt(text, at)}: a comment that is not closed with ) in its line, or that holds another"
     character = chr(text[at])
     known = {
-        "#": PARAMETERS,
-        "[": EXPRESSIONS,
         "/": "block delete stands at the start of a line",
         "@": "polar coordinates are not read; write X, Y and Z",
         "^": "polar coordinates are not read; write X, Y and Z",
     }
-    shown = _excerpt(text, at) if character in "#[" else character
-    return f"{shown}: {known.get(character, 'no word starts with it')}"
-
-
-def _unread(text: bytes, at: int) -> str:
-    """Word and reason for a letter, at an offset, that no number follows."""
-    begin, end = text.rfind(b"\n", 0, at) + 1, (text + b"\n").find(b"\n", at)
-    name = re.match(rb"\s*(N\s*\d+\s*)?(?=O)", text[begin:end], re.IGNORECASE)
-    if name:
-        block = text[begin + name.end() : end].decode("latin-1").upper()
-        return f"{' '.join(block.split())[:20]}: {O_WORDS}"
-    shown = _excerpt(text, at)
-    if re.match(rb"\s*[-+]?\s*#", text[at + 1 : end]):
-        return f"{shown}: {PARAMETERS}"
-    if re.match(rb"\s*[-+]?\s*[A-Z]*\s*\[", text[at + 1 : end], re.IGNORECASE):
-        return f"{shown}: {EXPRESSIONS}"
-    return f"{shown}: a letter needs a number after it"
+    return f"{character}: {known.get(character, 'no word starts with it')}"
 
 
 def _excerpt(text: bytes, at: int) -> str:

@@ -9,9 +9,6 @@ from planner.errors import InputError
 from planner.machine.limits import Limits
 from planner.programs.reading.reader import read_program
 
-O_WORDS = "O words (program numbers, subroutines, loops) are not read; delete the number, or write out the blocks"
-
-
 NO_END = "end of file: there is no M2, M30 or closing %; the file may have been cut off, else end it with M2"
 
 
@@ -27,23 +24,12 @@ REFUSED = {
     # text: message after the name of the file
     "G1 X1 F60\nG1 X2 W3\nM2": unread(2, "W", ", axes beside X, Y and Z"),
     "A90\nM2": unread(1, "A", ", rotary axes"),
-    "O100 sub\nM2": f"1: O100 SUB: {O_WORDS}",
-    "N5 o7 while [#1 lt 2]\nM2": f"1: O7 WHILE [#1 LT 2]: {O_WORDS}",
-    "o<drill> call\nM2": f"1: O<DRILL> CALL: {O_WORDS}",
-    "O100\nM2": unread(1, "O", ""),
-    "#1=5\nM2": "1: #1=5: parameters are not read; write the number",
-    "G1 X#5 F600\nM2": "1: X#5: parameters are not read; write the number",
-    "G1 X-#<depth> F600\nM2": "1: X-#<DEPTH>: parameters are not read; write the number",
-    "G1 X10 F600\n[1+2]\nM2": "2: [1+2]: expressions are not read; write the number",
-    "G1 Xsin[30] F600\nM2": "1: XSIN[30]: expressions are not read; write the number",
-    "G1 X[1+2]\nM2": "1: X[1+2]: expressions are not read; write the number",
     "G41 D1\nM2": unread(1, "G41", ", cutter compensation"),
     "G87 X1 Z-1 R1\nM2": unread(1, "G87", ", cycles that wait for a hand"),
     "G5.2 X1 Y1\nM2": unread(1, "G5.2", ", splines; write G1, G2 or G3"),
     "G95\nM2": unread(1, "G95", ", feed per revolution"),
     "G12\nM2": unread(1, "G12", ""),
     "G1.05 X1\nM2": unread(1, "G1.05", ""),
-    "M98 P1\nM2": unread(1, "M98", ", calls"),
     "G1 X1e3 F60\nM2": (
         "1: E3: a number has no exponent; E belongs to a word that is not in the block; it is read beside "
         "M66, M67, M68"
