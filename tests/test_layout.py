@@ -59,7 +59,9 @@ ELSEWHERE = {
     "programs/reading/test_offsets.py": tuple(
         f"planner.programs.reading.{name}" for name in ("acts", "setup", "unread")
     ),
-    "programs/reading/test_flow.py": tuple(f"planner.programs.reading.{name}" for name in ("flow_lines", "flow_words")),
+    "programs/reading/test_flow.py": tuple(
+        f"planner.programs.reading.{name}" for name in ("flow_lines", "flow_words", "machine_parameters")
+    ),
     "programs/reading/test_refusals.py": ("planner.programs.reading.rules",),
     "programs/reading/test_reader.py": tuple(
         f"planner.programs.reading.{name}"

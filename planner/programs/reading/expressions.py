@@ -36,6 +36,7 @@ class Parameters:
 
     common: dict[ParameterKey, float] = field(default_factory=dict)
     own: list[dict[ParameterKey, float]] = field(default_factory=lambda: [{}])
+    machine: Callable[[ParameterKey], float | None] = lambda _key: None  # where the program sets none
 
     def _table(self, key: ParameterKey) -> dict[ParameterKey, float]:
         local = 1 <= key <= MAX_ARGUMENTS if isinstance(key, int) else not key.startswith("_")
@@ -43,7 +44,8 @@ class Parameters:
 
     def get(self, key: ParameterKey) -> float | None:
         """The value of a parameter, None where it is not set."""
-        return self._table(key).get(key)
+        value = self._table(key).get(key)
+        return self.machine(key) if value is None else value
 
     def set(self, key: ParameterKey, value: float) -> None:
         """Set a parameter."""

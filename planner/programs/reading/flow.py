@@ -7,7 +7,7 @@ others are read one by one.  A called file is looked for beside the program; its
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -17,6 +17,7 @@ from planner.programs import SUFFIXES
 from planner.programs.reading.expressions import MAX_ARGUMENTS, LineError, LineEvaluator, ParameterKey, Parameters
 from planner.programs.reading.flow_lines import FlowLine, Listing, read_listing
 from planner.programs.reading.flow_words import WordQueue
+from planner.programs.reading.machine_parameters import ASKS
 from planner.programs.reading.words import Words
 
 _MAX_CALLS = 10  # within each other, as LinuxCNC has it
@@ -41,11 +42,11 @@ class _Call:
 class Flow:
     """Runs a program."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, machine: Callable[[ParameterKey], float | None]) -> None:
         self.path = path
         self.main = read_listing(path)
         self.files: dict[str, Listing] = {}
-        self.parameters = Parameters()
+        self.parameters = Parameters(machine=machine)
         self.calls = [_Call(self.main, 0, None, own=False)]
         self.queue = WordQueue(path.name)
         self.work = 0
@@ -56,6 +57,9 @@ class Flow:
         at = 0
         try:
             while at < len(self.listing.items) and not self.queue.ended:
+                item = self.listing.items[at]
+                if self.queue.count and isinstance(item, FlowLine) and ASKS.search(item.text):
+                    yield self.queue.take(0), None  # after this the machine stands where the line finds it
                 at = self._step(at)
                 if self.queue.count > _MAX_WORDS:
                     yield self.queue.take(0), None

@@ -37,6 +37,7 @@ from planner.programs.reading.blocks import Blocks, sort_words
 from planner.programs.reading.flow import Flow
 from planner.programs.reading.flow_lines import needs_flow
 from planner.programs.reading.language import MOTION
+from planner.programs.reading.machine_parameters import machine_parameter
 from planner.programs.reading.modal import ReadingState, carry_feeds, carry_modal, carry_tolerances, units
 from planner.programs.reading.move_making import BlockFeeds, make_moves
 from planner.programs.reading.offsets import Offsets
@@ -89,7 +90,7 @@ def read_program(
     state = ReadingState(file.name, UnreadWords(file.name, ignored_words(ignore)), Offsets(table))
     if start is not None:
         state.place(start)
-    for words, problem in Flow(file).words() if needs_flow(file) else read_words(file):
+    for words, problem in _flow(file, state).words() if needs_flow(file) else read_words(file):
         _read_part(_before_end(words, state), state)
         if problem is not None and not state.ended:
             state.unread.require_none()
@@ -97,6 +98,10 @@ def read_program(
     state.unread.require_none()
     state.require_end()
     return state.program()
+
+
+def _flow(file: Path, state: ReadingState) -> Flow:
+    return Flow(file, lambda key: machine_parameter(key, state))
 
 
 def _before_end(words: Words, state: ReadingState) -> Words:

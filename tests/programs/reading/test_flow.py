@@ -98,6 +98,24 @@ class TestSubroutines:
         assert len(read("%\nO1000 (part)\nN10 G1 X1 F60\nM30\n%\n")) == 1
 
 
+class TestMachine:
+    def test_where_it_stands(self, read):
+        p = read("F60\nG10 L2 P2 X100\nG55 G1 X3 Y4\nG91 G1 X[#5420*2] Y#<_y>\nG90 G54 X#5421 Y#5241" + END)
+        assert p.end[:, :2].tolist() == [[103, 4], [109, 8], [8, 100]]
+
+    def test_in_a_loop(self, read):
+        p = read("F60 G91\no1 while [#<_x> lt 3]\nG1 X1\no1 endwhile\nG90 G1 Y#[5420]" + END)
+        assert p.end[:, :2].tolist() == [[1, 0], [2, 0], [3, 0], [3, 3]]
+
+    def test_in_inches(self, read):
+        assert read("G20 F60\nG1 X2\nY#5420 Z#<_imperial>" + END).end[1].tolist() == [50.8, 50.8, 25.4]
+
+    def test_what_is_in_force(self, read):
+        head = "F60\nG10 L1 P4 Z7\nT4 M6 G43\nG92 X-1\nG56 G91\nG1 "
+        p = read(head + "X#5220 Y#5400 Z#5403\nG90 X#5211 Y[#<_incremental>+#<_coord_system>]" + END)
+        assert p.end.tolist() == [[3, 4, 7], [2, 561, 7]]  # a line is read as a whole before it acts
+
+
 class TestPlaces:
     def test_a_fault_in_a_line_that_is_evaluated(self, refusal):
         assert refusal("F60\n#1=4\nG2 X[#1+6] Y0 I#1\nM2") == (

@@ -1,0 +1,49 @@
+"""Parameters that tell where the machine stands and what is in force, as LinuxCNC numbers and names them; read only."""
+
+from __future__ import annotations
+
+import re
+
+from planner.programs.reading.expressions import ParameterKey
+from planner.programs.reading.language import DISTANCE, FEED_MODE, UNITS
+from planner.programs.reading.modal import INCH_MM, ReadingState
+from planner.programs.reading.offsets import SYSTEM_CODES
+
+_NAMES = (
+    *("_x", "_y", "_z", "_metric", "_imperial", "_absolute", "_incremental", "_inverse_time", "_coord_system"),
+    "_current_tool",
+)
+# A line that asks for one of them, or for a number that is computed.
+ASKS = re.compile(rf"#(?:5[1-4]\d\d|\[|#|<(?:{'|'.join(_NAMES)})>)", re.IGNORECASE)
+_SYSTEM_STEP = 20
+
+
+def machine_parameter(key: ParameterKey, state: ReadingState) -> float | None:
+    """The value of a parameter of the machine, in the units in force; None for any other."""
+    unit = INCH_MM if state.modal[UNITS] == 200 else 1.0
+    offsets = state.offsets
+    position = state.programmed - offsets.total
+    if isinstance(key, str):
+        named = {
+            **{name: float(position[axis]) / unit for axis, name in enumerate(_NAMES[:3])},
+            "_metric": float(unit == 1.0),
+            "_imperial": float(unit != 1.0),
+            "_absolute": float(state.modal[DISTANCE] == 900),
+            "_incremental": float(state.modal[DISTANCE] == 910),
+            "_inverse_time": float(state.modal[FEED_MODE] == 930),
+            "_coord_system": float(SYSTEM_CODES[offsets.active]),
+            "_current_tool": float(state.loaded),
+        }
+        return named.get(key)
+    if key == 5220:
+        return float(offsets.active + 1)
+    if key == 5400:
+        return float(state.loaded)
+    points = {
+        5161: offsets.home[280], 5181: offsets.home[300], 5211: offsets.shift, 5401: offsets.length, 5420: position,
+        **{5221 + _SYSTEM_STEP * k: offsets.systems[k] for k in range(len(SYSTEM_CODES))},
+    }  # fmt: skip
+    for first, point in points.items():
+        if first <= key < first + 3:
+            return float(point[key - first]) / unit
+    return None
