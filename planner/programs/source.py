@@ -34,7 +34,7 @@ def load_curve(
     ----------
     source : str or Path
         One of :data:`~planner.geometry.catalog.CATALOG`; a ``.json`` or ``.toml`` file of a curve; a ``.dxf`` drawing; a
-        ``.csv`` file of points; or a part program, ``.ngc``, ``.nc`` or ``.tap``.
+        ``.csv`` file of points; or a part program, ``.ngc``, ``.nc``, ``.tap``, ``.gcode``, ``.cnc``, ``.eia`` or ``.txt``.
     scale : float
         Multiplies the linear axes; a part program has its own size.
     tolerance : float, optional

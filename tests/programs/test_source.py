@@ -34,7 +34,7 @@ def test_a_named_curve_is_that_of_the_catalog(name):
     assert load_curve(name, scale=2.0).fingerprint == read_curve(name, scale=2.0).fingerprint
 
 
-@pytest.mark.parametrize("suffix", [".ngc", ".NC", ".tap"])
+@pytest.mark.parametrize("suffix", [".ngc", ".NC", ".tap", ".gcode", ".cnc", ".eia", ".txt"])
 @pytest.mark.parametrize(("tolerance", "limits"), [(None, None), (0.02, None), (0.02, SLOW)])
 def test_a_program_is_its_path(tmp_path, suffix, tolerance, limits):
     file = tmp_path / f"part{suffix}"
