@@ -38,6 +38,7 @@ def _same(codes: tuple[int, ...], word: LanguageWord) -> dict[int, LanguageWord]
 G_WORDS: dict[int, LanguageWord] = {
     **_same((0, 10), LanguageWord(MOTION, "XYZ")),
     **_same((20, 30), LanguageWord(MOTION, "XYZIJKRP")),
+    **_same((382, 383, 384, 385), LanguageWord(MOTION, "XYZ")),
     800: LanguageWord(MOTION),
     **_same((810, 850), LanguageWord(MOTION, "XYZRL")),
     **_same((740, 820, 840, 860, 890), LanguageWord(MOTION, "XYZRLP")),
@@ -66,6 +67,7 @@ G_WORDS: dict[int, LanguageWord] = {
     970: LanguageWord(SPEED_MODE),
 }
 
+PROBES = (382, 383, 384, 385)
 CYCLES = tuple(code for code, word in G_WORDS.items() if word.group == MOTION and "L" in word.takes)
 
 M_WORDS: dict[int, LanguageWord] = {
@@ -90,7 +92,6 @@ UNREAD: dict[str, str] = {
     "G7": "diameters",
     **dict.fromkeys(("G17.1", "G18.1", "G19.1"), "planes of U, V and W"),
     **dict.fromkeys(("G33", "G33.1", "G76"), "threads"),
-    **dict.fromkeys(("G38.2", "G38.3", "G38.4", "G38.5"), "probing"),
     **dict.fromkeys(("G41", "G42", "G41.1", "G42.1"), "cutter compensation"),
     **dict.fromkeys(("G87", "G88"), "cycles that wait for a hand"),
     "G95": "feed per revolution",

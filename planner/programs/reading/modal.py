@@ -84,6 +84,7 @@ class ReadingState:
     parts: list[MoveColumns] = field(default_factory=list)
     events: list[Event] = field(default_factory=list)
     zero_lines: list[LineArray] = field(default_factory=list)
+    probes: tuple[int, int] | None = None  # moves of G38: the first line, how many
     long_arcs: list[tuple[int, float, float]] = field(default_factory=list)  # full turns: line, length, turns
     skipped: dict[str, tuple[int, int]] = field(default_factory=dict)  # by their first character: first line, how many
 
@@ -153,6 +154,9 @@ class ReadingState:
             f"{1e-3 * length:.6g} m on a radius of {length / (2.0 * np.pi * turns):.6g} mm"
             for line, length, turns in self.long_arcs
         ]
+        if self.probes is not None:
+            first, count = self.probes
+            lines.append(f"{count} probing move{'s' if count > 1 else ''} taken in full, the first in line {first}")
         return (*self.offsets.notes(), *lines, *arcs, *self.unread.notes())
 
 

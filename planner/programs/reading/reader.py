@@ -36,18 +36,18 @@ from planner.programs.reading.acts import carry_positions
 from planner.programs.reading.blocks import Blocks, sort_words
 from planner.programs.reading.flow import Flow
 from planner.programs.reading.flow_lines import needs_flow
-from planner.programs.reading.language import MOTION
+from planner.programs.reading.language import MOTION, PROBES
 from planner.programs.reading.machine_parameters import machine_parameter
 from planner.programs.reading.modal import ReadingState, carry_feeds, carry_modal, carry_tolerances, units
 from planner.programs.reading.move_making import BlockFeeds, make_moves
 from planner.programs.reading.offsets import Offsets
 from planner.programs.reading.positions import ProgramTrack
-from planner.programs.reading.program import Program
+from planner.programs.reading.program import LINE, Program
 from planner.programs.reading.program_events import add_events
 from planner.programs.reading.rules import check_motion, check_words
 from planner.programs.reading.setup import Tool, read_tool_table
 from planner.programs.reading.unread import UnreadWords, ignored_words
-from planner.programs.reading.words import Faults, Words, keep_words, read_words
+from planner.programs.reading.words import Faults, LineArray, Words, keep_words, read_words
 
 _MAX_MOVES = 5_000_000  # some 120 bytes each
 _MAX_EVENTS = 1_000_000
@@ -134,6 +134,7 @@ def _read_part(words: Words, state: ReadingState) -> None:
         kind = check_motion(blocks, modal)
         check_words(blocks, modal[MOTION], kind)
         feeds = BlockFeeds(*carry_feeds(blocks, modal, unit, kind, state), *carry_tolerances(blocks, unit, state))
+        _note_probes(blocks, modal, kind, state)
         track = ProgramTrack(blocks, modal, unit, kind, state)
         carry_positions(track)
         moves = make_moves(track, feeds)
@@ -149,6 +150,15 @@ def _read_part(words: Words, state: ReadingState) -> None:
             f"{state.source}:{state.line_count}: end of part: more than {_MAX_MOVES} moves, or {_MAX_EVENTS} stops and "
             "switches; split the program"
         )
+
+
+def _note_probes(blocks: Blocks, modal: dict[int, LineArray], kind: LineArray, state: ReadingState) -> None:
+    """Where a probe would end a move is not known: moves of G38 are taken in full, which is said."""
+    if (modal[MOTION] >= PROBES[0]).any():
+        lines = blocks.line[np.isin(modal[MOTION], PROBES) & (kind == LINE)]
+        if lines.size:
+            first, count = state.probes or (int(lines[0]), 0)
+            state.probes = first, count + lines.size
 
 
 def _check_marks(blocks: Blocks, state: ReadingState) -> None:

@@ -15,6 +15,7 @@ from planner.programs.reading.language import (
     OWNED_LETTERS,
     PATH_MODE,
     PLANE,
+    PROBES,
     SIGNAL,
     TOOL_LENGTH,
     LanguageWord,
@@ -155,6 +156,7 @@ def check_motion(blocks: Blocks, modal: dict[int, LineArray]) -> LineArray:
     kind[ends & (active == 10)] = LINE
     kind[arc & (ends | centres)] = ARC
     if ((active > 30) & (active != 800)).any():
+        kind[np.isin(active, PROBES) & ends] = LINE
         cycle = np.isin(active, CYCLES)
         kind[cycle & ends] = CYCLE
         faults.add(word.at(cycle & ~ends & ~other), "a cycle needs X, Y or Z")

@@ -207,6 +207,20 @@ class TestSwitches:
         assert read("F60\nG0.99999 X1" + END).kind.tolist() == [LINE]
 
 
+class TestProbing:
+    def test_moves_are_taken_in_full_and_said(self, read):
+        p = read("F60\nG38.2 Z-5\nG1 X1\nG38.5 Z0\nX0" + END)
+        assert p.end.tolist() == [[0, 0, -5], [1, 0, -5], [1, 0, 0], [0, 0, 0]]
+        assert set(p.kind.tolist()) == {LINE}
+        assert p.notes == ("3 probing moves taken in full, the first in line 2",)
+
+    def test_over_the_parts_of_a_file(self, read, monkeypatch):
+        monkeypatch.setattr("planner.programs.reading.words._CHUNK_BYTES", 8)
+        assert read("F60\nG38.2 Z-5\nG1 X1\nG38.5 Z0\nX0" + END).notes == (
+            "3 probing moves taken in full, the first in line 2",
+        )
+
+
 class TestUnread:
     TEXT = "G1 X1 F60\nM123\nA5 X2\nM123 P1\nA7\nG12.1\n"
 
