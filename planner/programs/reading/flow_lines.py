@@ -90,15 +90,6 @@ def _is_flow(line: str) -> bool:
     return "#" in line or "[" in line or _O_WORD.match(line) is not None or _CALLS.search(line) is not None
 
 
-def needs_flow(path: Path) -> bool:
-    """Whether a file has a line that needs evaluation; False also where it cannot be read."""
-    try:
-        with open(path, "rb") as file:
-            return any(bool(flow_lines(text)) for text, _ in text_parts(file))
-    except (OSError, ValueError):
-        return False
-
-
 def read_listing(path: Path) -> Listing:
     """Read a file and find where its O words lead.
 

@@ -59,7 +59,7 @@ class WordQueue:
             np.concatenate([_NONE, *(words.stop + start for (words, _), start in zip(pieces, starts, strict=False))]),
             lines,
             np.concatenate([_NONE, *(block for _, block in pieces)]),
-            skipped,
+            skipped=skipped,
         )
 
     def _close_lines(self) -> None:

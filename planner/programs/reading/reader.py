@@ -25,7 +25,7 @@ Rules, where dialects differ:
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -35,7 +35,6 @@ from planner.inputs import require_path
 from planner.programs.reading.acts import carry_positions
 from planner.programs.reading.blocks import Blocks, sort_words
 from planner.programs.reading.flow import Flow
-from planner.programs.reading.flow_lines import needs_flow
 from planner.programs.reading.language import MOTION, PROBES
 from planner.programs.reading.machine_parameters import machine_parameter
 from planner.programs.reading.modal import ReadingState, carry_feeds, carry_modal, carry_tolerances, units
@@ -87,21 +86,42 @@ def read_program(
     """
     file = require_path(path)
     table = read_tool_table(tools) if isinstance(tools, str | Path) else tools
-    state = ReadingState(file.name, UnreadWords(file.name, ignored_words(ignore)), Offsets(table))
-    if start is not None:
-        state.place(start)
-    for words, problem in _flow(file, state).words() if needs_flow(file) else read_words(file):
-        _read_part(_before_end(words, state), state)
-        if problem is not None and not state.ended:
-            state.unread.require_none()
-            raise problem
+    ignored = ignored_words(ignore)
+
+    def begun() -> ReadingState:
+        state = ReadingState(file.name, UnreadWords(file.name, ignored), Offsets(table))
+        if start is not None:
+            state.place(start)
+        return state
+
+    state = begun()
+    if not _read_parts(read_words(file), state):
+        state = begun()
+        _read_parts(Flow(file, lambda key: machine_parameter(key, state)).words(), state, ordered=True)
     state.unread.require_none()
     state.require_end()
     return state.program()
 
 
-def _flow(file: Path, state: ReadingState) -> Flow:
-    return Flow(file, lambda key: machine_parameter(key, state))
+def _read_parts(
+    parts: Iterator[tuple[Words, InputError | None]], state: ReadingState, *, ordered: bool = False
+) -> bool:
+    """Read all parts; False as soon as lines are not run in the order in which they stand, where that is not seen to."""
+    for every, problem in parts:
+        words = _before_end(every, state)
+        if not ordered and ((every.stopped and not state.ended) or _leads_elsewhere(words)):
+            return False
+        _read_part(words, state)
+        if problem is not None and not state.ended:
+            state.unread.require_none()
+            raise problem
+    return True
+
+
+def _leads_elsewhere(words: Words) -> bool:
+    """Whether there is an O word, M98 or M99."""
+    call = (words.letter == ord("M")) & ((words.value == 98.0) | (words.value == 99.0))
+    return bool(call.any() or (words.letter == ord("O")).any())
 
 
 def _before_end(words: Words, state: ReadingState) -> Words:

@@ -23,6 +23,7 @@ Mask = NDArray[np.bool_]
 _CHUNK_BYTES = 4 * 1024**2  # bounds the memory of the tables made of it, about 30 bytes for each of these
 _MAX_LINE_BYTES = 64 * 1024  # no block is that long: what has longer lines is no part program
 _NO_BLOCK = re.compile(rb"^[ \t]*([/$?])[^\n]*", re.MULTILINE)
+_O_LINE = re.compile(rb"[ \t]*(?:N[ \t]*[\d.]+[ \t]*)?O", re.IGNORECASE)
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
@@ -52,6 +53,8 @@ class Words:
         Lines in this part of the file.
     block : (n,) int64 array, optional
         A number for each block, not decreasing, where lines are run in another order than they stand, or again.
+    stopped : bool
+        The words end at a parameter, an expression or an O word: in this order of lines they are not those of the program.
     skipped : sequence of (str, int)
         Lines that are no blocks: / of block delete, $ and ? of a stream to GRBL, each with its number.
     """
@@ -65,6 +68,7 @@ class Words:
     stop: NDArray[np.int32] | LineArray
     lines: int
     block: LineArray | None = None
+    stopped: bool = False
     skipped: Sequence[tuple[str, int]] = ()
 
     @property
@@ -163,15 +167,24 @@ def scan_text(text: bytes, source: str, lines_before: int) -> tuple[Words, Input
     first, stop, line = (np.empty(size, dtype=np.int32) for _ in range(3))
     found = np.zeros(3, dtype=np.int64)
     count = core.words_scan(raw.size, raw, letter, value, first, stop, line, found)
-    fault = None
+    fault, stopped = None, False
     if found[0]:
+        stopped = _needs_evaluation(text, int(found[0]), int(found[1]))
         count = int(np.searchsorted(line[:count], found[2]))  # the words before it are half a block
         fault = InputError(f"{source}:{lines_before + 1 + found[2]}: {_complaint(text, int(found[0]), int(found[1]))}")
     lines = text.count(b"\n") + (not text.endswith(b"\n"))
     at = line[:count].astype(np.int64) + (lines_before + 1)
     return Words(
-        source, text, letter[:count], value[:count], at, first[:count], stop[:count], lines, None, skipped
+        source, text, letter[:count], value[:count], at, first[:count], stop[:count], lines, None, stopped, skipped
     ), fault
+
+
+def _needs_evaluation(text: bytes, what: int, at: int) -> bool:
+    """Whether the scan ended in a line with a parameter, an expression or an O word."""
+    if what not in (_Fault.CHARACTER, _Fault.NO_LETTER, _Fault.NO_NUMBER):
+        return False
+    line = text[text.rfind(b"\n", 0, at) + 1 : (text + b"\n").find(b"\n", at)]
+    return b"#" in line or b"[" in line or _O_LINE.match(line) is not None
 
 
 def _without_lines(text: bytes, lines_before: int) -> tuple[bytes, list[tuple[str, int]]]:
