@@ -85,7 +85,7 @@ def test_points_within_a_tolerance(tmp_path):
         (SLOTS, {"scale": 2.0}, "scale = 2.0 is not for .*slots.ngc; it must be 1"),
         (SLOTS, {"tolerance": -1.0}, "tolerance = -1.0 must be a number > 0"),
         ("nope.ngc", {}, "nope.ngc: cannot be read"),
-        ("nope.txt", {}, "neither a .json, .toml, .dxf, .csv or .ngc file nor a name"),
+        ("nope.xyz", {}, "neither a .json, .toml, .dxf, .csv or .ngc file nor a name"),
         (7, {}, "source is an int; it must be the path of a file"),
     ],
 )
