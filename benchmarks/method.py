@@ -453,7 +453,7 @@ def saving_rows(of: Case, intervals: int = INTERVALS, change: float = 0.01) -> l
             continue
         times = []
         for share in (1.0 - change, 1.0 + change):
-            problem, _ = build(_changed(of.limits, name, share), at.grid)
+            problem, _ = build(_changed(of.limits, name, share), at.grid, inner=at.problem.inner)
             start = optimal.start_from(problem, problem.guess)
             times.append(optimal.solve_interior(problem, start, tolerance=_FINE_GAP).time * problem.time_unit)
         rows.append(SavingRow(of.name, name, saved, 0.005 / change * (times[0] - times[1])))

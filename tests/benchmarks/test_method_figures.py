@@ -44,7 +44,7 @@ def test_limits_held_at_knots_alone_are_exceeded_between_them():
 
 
 def test_tightening_takes_the_excess_away():
-    before, after = method.tightening_rounds(method.case("butterfly 100", 2 * SMALL), 2 * SMALL)
+    before, after = method.tightening_rounds(method.case("butterfly 100", 4 * SMALL), 4 * SMALL)
     assert before.used.slowdown.max() > 1.0005
     assert after.used.slowdown.max() - 1.0 < 0.2 * (before.used.slowdown.max() - 1.0)
 
