@@ -68,7 +68,7 @@ class LimitRow:
         return self.lower / self.scale, self.upper / self.scale
 
 
-@lru_cache(maxsize=8)  # by identity: limits do not change, and a plan asks again and again
+@lru_cache(maxsize=8)  # limits do not change, equal ones have equal rows, and a plan asks again and again
 def limit_rows(limits: Limits) -> tuple[LimitRow, ...]:
     """Every finite limit on a motion; those of one order stand together, the axes' before that of the arc length."""
     quantities = sorted((*AXIS, *TANGENTIAL), key=lambda q: (q.order, q.scope is Scope.PATH))

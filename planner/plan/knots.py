@@ -1,4 +1,4 @@
-"""Where the knots of a plan go.
+"""Where the knots of a bound go, and of plans without a jerk limit; those of other plans follow a law (``time_knots.py``).
 
 The guess of the feed gives the time spent along the path, and knots are placed by
 

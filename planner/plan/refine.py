@@ -1,13 +1,13 @@
-"""Plan one section: solve on a coarse grid, then on the wanted one, and go on until the law keeps its limits everywhere.
+"""Plan one section: solve in the time of a guess, then in the time of that plan, and go on until the law keeps its limits.
 
-A solver looks at knots and midpoints only.  Between them the law is measured (``utilisation.py``), and what it uses
-too much is given back in four ways, the first that serves:
+The solves before tell the time that is the coordinate of the next one (``time_map.py``) and where its knots go
+(``time_knots.py``).  A solver looks at knots and at one or three points between only.  Everywhere else the law is measured
+(``utilisation.py``), and what it uses too much is given back in four ways, the first that serves:
 
-1.  Where an interval is far too coarse it is halved; and where no limit binds, which is where the plan changes from one
-    limit to another and an interval takes longer than that needs.
-2.  Where it uses a little more than its limits, these are tightened there by as much, and in the two intervals on either
-    side, where the plan would otherwise seek what it gives up.  The next solve begins where the last one came through
-    (``Waypoint``) and takes half of its iterations; one such round leaves some 1e-5.
+1.  Where an interval is far too coarse it is halved, and the map is renewed from the law at hand.
+2.  Where it uses a little more than its limits, these are tightened there by as much or half as much again, and by half of
+    that in the interval on either side, where the plan would otherwise seek what it gives up.  The next solve begins where
+    the last one came through (``Waypoint``) and takes half of its iterations; two or three rounds serve.
 3.  Where intervals are as short as nodes may be, or refining did not help, the speed is held in them; so it is where the
     true chord error is too large.
 4.  What is left is slowed down uniformly: time scaled by kappa divides velocities by kappa, accelerations by kappa^2 and

@@ -1,6 +1,7 @@
-"""Cut a path at its exact stops and give each section the coordinate in which it is planned.
+"""Cut a path at its exact stops and give each section a coordinate that needs no law.
 
-A *section* runs from stop to stop (or from an end of the path that has a feed).  Its coordinate sigma is composed of
+A *section* runs from stop to stop (or from an end of the path that has a feed).  A plan with jerk limits is made in the time
+of another law (``time_map.py``).  Its guess, a bound and a plan without a jerk limit have none: their sigma is composed of
 
     u  <-  y        the curve parameter itself where the curve is C2 in it, else the arc length of the machine axes
     y  <-  sigma    the rest map

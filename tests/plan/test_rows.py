@@ -76,7 +76,7 @@ def formula_path():
 def test_path_derivatives_with_respect_to_sigma(formula_path):
     """As good as the pieces fitted to the formula, 1e-13 of its extent: each derivative costs two digits, or three."""
     _, _, _, path, d = formula_path
-    for k, accuracy in ((0, 1e-13), (1, 4e-12), (2, 1e-9), (3, 1e-7)):
+    for k, accuracy in ((0, 1e-13), (1, 4e-12), (2, 6e-10), (3, 1.2e-8)):
         assert path.axes[k] == pytest.approx(d[k], abs=accuracy * np.abs(d[k]).max())
 
 
@@ -276,7 +276,7 @@ def test_the_same_path_in_other_units_gives_the_same_arrays(name, intervals, fac
         ours, theirs = array_of(first, field), array_of(second, field)
         finite = np.isfinite(ours)
         assert np.array_equal(finite, np.isfinite(theirs))
-        size = np.median(np.abs(ours[finite])) if factor < 1.0 else 1e3 * np.abs(ours[finite]).max()
+        size = np.median(np.abs(ours[finite])) if factor < 1.0 else 1e2 * np.abs(ours[finite]).max()
         assert theirs[finite] == pytest.approx(ours[finite], rel=accuracy, abs=1e-12 * size)
 
 
