@@ -44,11 +44,11 @@ from planner.types import Progress
 DEFAULT_INTERVALS = 1000
 MIN_INTERVALS = 24
 _MIN_INTERVALS = 200  # of one section among several
-# How many times coarser than the grid that is asked for that of the even solve is.  That of the guess is not: where it was,
-# a tight corner of a program ended in a local optimum 7 % slower.
+# How many times coarser than the grid that is asked for that of the even solve is.  That of the guess is not, and its macros
+# are short, and its solve begins close to the guess: or programs of short lines end in local optima up to 8 % slower.
 _COARSER_EVEN = 2
 # Intervals to a macro of the guess, at least in all, and relative gaps of the coarse solves.
-_PER_GUESSED, _MIN_COARSE = 8, 200
+_PER_GUESSED, _MIN_COARSE = 4, 200
 _COARSE_GAP, _EVEN_GAP = 1e-2, 1e-4
 # Where the even grid has fewer intervals than this for a change of the jerk by its limit, it cannot tell the switches apart.
 _TO_TELL = 8.0

@@ -30,11 +30,12 @@ from planner.status import Status, Work
 from planner.types import FloatArray, IntArray, Progress
 
 _MIN_GUESS = 1e-6
-# Points inside an interval: one, but three where a path has blends, each of which few intervals have to pass, and where a
-# plan with one is far off between them.  Elsewhere three are no nearer to the optimum than one in as much computing time.
+# Points inside an interval: one, but three where a path has blends, each of which few intervals have to pass, where room is
+# left that no measurement between the points enforces, and where a plan with one is far off between them.  Elsewhere three
+# are no nearer to the optimum than one in as much computing time.
 _INNER, MORE_INNER = 1, 3
 # sum(s l) at the start as a share of the time, from a guess and from a law.
-_FROM_GUESS, _FROM_LAW = 0.2, 0.03
+_FROM_GUESS, _FROM_LAW = 0.05, 0.03
 _NODES = 2  # of the time law, an interval at least
 # Beyond the first the grid is too coarse somewhere, and is halved wherever it is beyond the last; below, tightening the
 # limits locally is enough.  Where the number of intervals is given, only what is beyond the second is refined.
@@ -163,7 +164,8 @@ class Stage:
     @classmethod
     def on(cls, task: Task, grid: TimeGrid, holds: Holds = NO_HOLDS) -> Stage:
         """Build the constraints on a grid."""
-        inner = MORE_INNER if grid.map.has_native and task.method == "optimal" else task.inner
+        more = grid.map.has_native or bool(task.section.reserve)
+        inner = MORE_INNER if more and task.method == "optimal" else task.inner
         problem, speeds = build(task.limits, grid, periodic=task.periodic, inner=inner)
         speed = SpeedBound.of(task.limits, speeds)
         if task.prescribed:

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.law import TimeLaw
+from planner.plan.ends import Feed
 from planner.plan.guess import FeedGuess, breaks_inside, least_times
 from planner.plan.jumps import PERIODS_AROUND_STEP
 from planner.plan.knots import followed
@@ -40,6 +41,7 @@ _MAX_WIDER = 1.5  # than the density has them: the growth away from where knots 
 # Where there is room, nodes are so far apart that rounding makes no more than this share of the jerk limit.
 ROUNDING_SHARE = 2e-6
 _SLIVER = 1e-9  # of the whole
+_PER_ENTRY = 0.25  # of the time in which acceleration makes up the feed at an end
 _PER_INTERVAL = 4  # cells in which the density is known, an interval
 # Switches closer to a break or to one another than this share of the mean interval are one place.
 _APART = 0.2
@@ -167,6 +169,9 @@ def place_in_time(
         most = np.minimum(most, np.diff(fine) * followed(guess, section.coordinate(u)))
     # nodes are half an interval apart, or less
     least = 2.0 * np.interp(np.interp(middle, law.t, law.u), guess.u, least_times(guess, ROUNDING_SHARE))
+    for at, end in ((0, section.start), (-1, section.end)):
+        if isinstance(end, Feed):  # a slow one changes by its own size in the time that acceleration takes for it
+            most[at] = max(min(most[at], _PER_ENTRY * guess.feed[at] / guess.acceleration[at]), least[at])
     spacing = np.maximum(spacing, np.minimum(least, 0.8 * mean))
     count = _counted(fine, middle, spacing, most, intervals)
     at = np.interp(ends, fine, count)

@@ -107,7 +107,8 @@ def test_the_command_writes_what_it_prints(tmp_path, capsys):
         (teardrop["plan_s"] + teardrop["check_s"]) / teardrop["toppra_s"]
     )
     times = facts["details"]["durations"]["teardrop 100"]
-    assert times["optimum_s"] <= times["4000"] <= times["250"]
+    # the optimum stands there as a plan on 16 000 intervals, to seven digits
+    assert times["optimum_s"] * (1.0 - 1e-6) <= times["4000"] <= times["250"]
     assert facts["share_of_one_thread"] == pytest.approx(1.0, abs=0.05)
     core.main(["--only", "million", "--beside", str(file)])
     assert "needs --million | - | - |" in capsys.readouterr().out

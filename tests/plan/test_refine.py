@@ -170,7 +170,8 @@ def test_tightening_divides_every_limit_but_a_prescribed_feed() -> None:
 
 
 def test_a_reserve_is_left_from_its_parameter_on() -> None:
-    task, stage = task_of()
+    task = replace(task_of()[0], inner=stages.MORE_INNER)
+    stage = Stage.on(task, task_of()[1].grid)
     middle = 0.5 * sum(task.section.curve.domain)
     kept = Stage.on(replace(task, section=replace(task.section, reserve=((middle, 0.2),))), stage.grid)
     inner = stage.problem.inner

@@ -38,8 +38,8 @@ It stops when sum(s l) is below 1e-6 of the time (less where some intervals take
 by more than 1e-9.
 
 End conditions.  A rest needs none: in the time of a law it is met by itself (``time_map.py``).  A prescribed feed fixes x at
-the first or last knot, a prescribed acceleration a at the first, a periodic path equates both states: the first knot is fixed
-in the root solve, the others are rows added by the Schur complement of a few extra sweeps.
+the first or last knot, a prescribed acceleration a at the first, a periodic path equates both states: the first knot is
+fixed in the root solve, the others are rows added by the Schur complement of a few extra sweeps.
 
 Whether the KKT point found is the global optimum is answered by the lower bound of ``bounds.py``.  ``Lam <= w`` at
 every point would be another proof, but the multipliers of neighbouring points share their load unevenly, so that it fails
