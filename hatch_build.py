@@ -66,7 +66,7 @@ def zig_compiler() -> list[str]:
 def build(output: Path | None = None, extra: tuple[str, ...] = (), compiler: list[str] | None = None) -> Path:
     """Compile the core, in place or into another file; ``extra``: further flags.  It is written whole or not at all."""
     source = core_source()
-    output = source.library_file(ROOT) if output is None else output
+    output = source.core_file(ROOT) if output is None else output
     command = compiler or system_compiler() or zig_compiler()
     flags = [*FLAGS, *extra, f"-I{ROOT}", f'-DFEEDPLAN_SOURCE="{source.source_hash(source.source_texts(ROOT))}"']
     files = [file for file in source.source_files(ROOT) if file.suffix == ".c"]

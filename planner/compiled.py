@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.core_source import library_file, source_hash, source_texts
+from planner.core_source import core_file, source_hash, source_texts
 from planner.errors import CoreError
 
 _ROOT = Path(__file__).resolve().parents[1]
@@ -112,7 +112,7 @@ class Core:
 
     @cached_property
     def _library(self) -> ctypes.CDLL:
-        file = library_file(_ROOT)
+        file = core_file(_ROOT)
         if not file.exists():
             raise CoreError(f"the compiled core {file.name} is missing from {file.parent}; {_REBUILD}")
         library = ctypes.CDLL(str(file))

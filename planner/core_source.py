@@ -16,7 +16,7 @@ ROOMS = ("planner", "interp")
 _SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
 
 
-def library_file(root: Path) -> Path:
+def core_file(root: Path) -> Path:
     """Where the compiled core stands, below the folder that holds the packages."""
     return root / "planner" / f"_core{_SUFFIX}"
 

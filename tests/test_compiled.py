@@ -107,7 +107,7 @@ def test_a_stale_library_says_what_to_type(sample):
 
 
 def test_a_missing_library_says_what_to_type(sample):
-    core_source.library_file(sample).unlink()
+    core_source.core_file(sample).unlink()
     with pytest.raises(CoreError, match=r"missing .* pip install"):
         Core().sample_add(0, 1.0, None, None)
 
@@ -127,7 +127,7 @@ def test_line_ends_of_a_checkout_do_not_count(sample):
 
 
 def test_a_compiler_that_fails_leaves_the_library_alone(sample, hook):
-    file = core_source.library_file(sample)
+    file = core_source.core_file(sample)
     before = file.read_bytes()
     (sample / "interp" / "sample.c").write_text("this is no C\n")
     with pytest.raises(RuntimeError, match="C compiler failed"):

@@ -50,7 +50,7 @@ def test_the_wheel_holds_every_file_of_the_packages(wheel):
     with zipfile.ZipFile(wheel) as archive:
         held = {name for name in archive.namelist() if ".dist-info/" not in name}
         (script,) = (archive.read(name).decode() for name in archive.namelist() if name.endswith("/entry_points.txt"))
-    assert held == expected | {core_source.library_file(ROOT).relative_to(ROOT).as_posix()}
+    assert held == expected | {core_source.core_file(ROOT).relative_to(ROOT).as_posix()}
     assert "feedplan = feedplan.cli:main" in script
 
 

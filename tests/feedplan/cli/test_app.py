@@ -15,7 +15,7 @@ SLOTS = str(PROGRAMS / "slots.ngc")
 WITHOUT = """
 import pathlib
 import planner.compiled
-planner.compiled.library_file = lambda root: pathlib.Path("planner/_core.so")
+planner.compiled.core_file = lambda root: pathlib.Path("planner/_core.so")
 from feedplan.cli import main
 main()
 """
