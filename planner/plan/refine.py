@@ -7,7 +7,8 @@ The solves before tell the time that is the coordinate of the next one (``time_m
 1.  Where an interval is far too coarse it is halved, and the map is renewed from the law at hand.
 2.  Where it uses a little more than its limits, these are tightened there by as much or half as much again, and by half of
     that in the interval on either side, where the plan would otherwise seek what it gives up.  The next solve begins where
-    the last one came through (``Waypoint``) and takes half of its iterations; two or three rounds serve.
+    the last one came through (``Waypoint``) and takes half of its iterations; two or three rounds serve.  Later ones, which
+    long paths need for a few places, tighten by twice as much each.
 3.  Where intervals are as short as nodes may be, or refining did not help, the speed is held in them; so it is where the
     true chord error is too large.
 4.  What is left is slowed down uniformly: time scaled by kappa divides velocities by kappa, accelerations by kappa^2 and

@@ -50,6 +50,8 @@ _MARGIN_STEP = 2e-5
 _GAIN, _NEIGHBOUR = {1: 1.5, 3: 1.0}, 0.5
 _PRESCRIBED_MARGIN = 2e-6
 _CONTINUED_GAIN = 2.0
+# From the third round on by so many times more each time: few places are left then, and a round costs a solve of all.
+_GAIN_GROWTH = 2.0
 # An interior point needs room above a feed that is prescribed at its limit.
 _PRESCRIBED_ROOM = 1e-9
 # How the speed is held where chords are too far from the path, and the length of intervals there in periods.
@@ -293,6 +295,7 @@ class Stage:
         # A plan that continues another one, and cannot be slowed down as a whole, is tightened by more: what that costs is
         # little against its reserve.
         gain = _CONTINUED_GAIN if task.prescribed and task.section.reserve else _GAIN[self.problem.inner]
+        gain *= _GAIN_GROWTH ** max(0, number - 1)
         shares = [self.by_interval(share) for share in (used.speed, used.acceleration, used.jerk)]
         tighter = replace(self, problem=_tightened(self.problem, *_margins(shares, self.problem.inner, gain)))
         return tighter, replace(attempt, waypoint=None) if task.prescribed else attempt

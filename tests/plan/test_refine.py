@@ -246,6 +246,17 @@ def test_a_tightened_solve_begins_on_the_way_of_the_last_unless_a_feed_is_prescr
     )
 
 
+def test_late_rounds_tighten_by_more() -> None:
+    """Few places are left then, and a plan of a million intervals is solved as a whole for each of them."""
+    task, stage = task_of()
+    attempt = stage.solve(task, None)
+    share = np.full(2 * stage.grid.intervals, 1.0001)
+    for number, gain in ((0, 1.0), (1, 1.0), (2, 2.0), (4, 8.0)):
+        tighter, _ = stage.next(task, attempt, used_of(acceleration=share), may_split=False, number=number)
+        margin = (1.0 + 0.0001 * gain * stages._GAIN[stage.problem.inner]) * (1.0 + stages._MARGIN_STEP)
+        assert tighter.problem.acceleration.r == pytest.approx(stage.problem.acceleration.r * margin, rel=1e-12)
+
+
 def test_the_largest_part_stands_for_an_interval_and_none_for_an_empty_one() -> None:
     """Between the two nodes of a break there is nothing; where macros meet within a stretch there is one node."""
     section, guess, grid = laid_out(line_arc_line(), DRIVES, 60)
