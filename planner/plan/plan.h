@@ -110,12 +110,12 @@ void rows_fill(int64_t n, int64_t dim, int64_t tip_dim, const double *q, const d
 /* Add to by_speed the multipliers of the speed, times power (points), of each limit which (points); to by_row (rows) those of
  * every row, of the jerks times x^(-1/2).  The problem and its iterate as in solvers.h. */
 void sensitivity_sums(int64_t intervals, const double *h, int64_t inner, const double *z, int64_t accelerations,
-                      int64_t rows, const double *pairs, const uint8_t *which, const float *power, double *by_speed,
+                      int64_t rows, const float *pairs, const uint8_t *which, const float *power, double *by_speed,
                       double *by_row);
 
 /* Whether the multipliers of the jerk rows, times the sizes of their bounds (rows, 2), are nowhere more than weight (points), but
  * for a share ``room``; points that coincide count as one. */
 int64_t sensitivity_proven(int64_t intervals, const double *h, int64_t inner, const double *weight,
-                           int64_t accelerations, int64_t rows, const double *bounds, double room, const double *pairs);
+                           int64_t accelerations, int64_t rows, const double *bounds, double room, const float *pairs);
 
 #endif

@@ -293,7 +293,8 @@ def test_sums_are_those_of_array_arithmetic(inner, seed):
     rng = np.random.default_rng(seed)
     iterate = Iterate(problem, start_from(problem, problem.guess), 0.2, 0.95)
     iterate.pairs[...] = 10.0 ** rng.uniform(-9.0, -3.0, iterate.pairs.shape)
-    multipliers = iterate.pairs[:, :, 1].transpose(1, 0, 2).reshape(iterate.pairs.shape[1], -1)[:, : problem.cap.size]
+    pairs = iterate.pairs.astype(np.float64)
+    multipliers = pairs[:, :, 1].transpose(1, 0, 2).reshape(pairs.shape[1], -1)[:, : problem.cap.size]
     pace = states_between(problem.h, iterate.z, inner)[0] ** -0.5
     bound = SpeedBound.of(limits, speeds)
     saved = dict(
@@ -312,5 +313,5 @@ def test_sums_are_those_of_array_arithmetic(inner, seed):
     ratio = float((np.bincount(place, load) / np.bincount(place, problem.weight)).max())
     for factor, proven in ((1.0 - 1e-6, True), (1.0 + 1e-6, False)):
         scaled = Iterate(problem, start_from(problem, problem.guess), 0.2, 0.95)
-        scaled.pairs[...] = iterate.pairs * factor / ratio
+        scaled.pairs[...] = pairs * factor / ratio
         assert is_global(scaled) is proven

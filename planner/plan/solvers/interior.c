@@ -49,7 +49,7 @@ static void motion_of(const Problem *problem, int64_t block, const Knots *knots,
 void interior_begin(const double *h, int64_t intervals, int64_t inner, const double *cap, const double *weight,
                     int64_t accelerations, const double *acceleration, int64_t rows, const double *jerk,
                     const double *bounds, double inside, double least, double centring, const float *duals, double *z,
-                    double *pairs, double *totals) {
+                    float *pairs, double *totals) {
     const Problem problem =
         problem_of(h, intervals, inner, cap, weight, accelerations, acceleration, rows, jerk, bounds);
     const Knots knots = knots_of(z, intervals);
@@ -288,7 +288,7 @@ int64_t interior_work(int64_t intervals, int64_t priced) {
     return 5 * intervals + (11 + 3 * priced) * (intervals + 1) + 9;
 }
 
-static State state_of(const Problem *problem, double *z, double *pairs, double *work) {
+static State state_of(const Problem *problem, double *z, float *pairs, double *work) {
     const int64_t n = problem->intervals, row = 3 * (n + 1);
     State state = {.z = knots_of(z, n), .pairs = pairs, .gains = work, .forward = work + 4 * n};
     work += 5 * n;
@@ -304,7 +304,7 @@ static State state_of(const Problem *problem, double *z, double *pairs, double *
 int64_t interior_run(const double *h, int64_t intervals, int64_t inner, const double *cap, const double *weight,
                      int64_t accelerations, const double *acceleration, int64_t rows, const double *jerk,
                      const double *bounds, int64_t fixed, int64_t priced, double hope, double tolerance, int64_t most,
-                     double *z, double *pairs, double *work, double *totals, int64_t *count) {
+                     double *z, float *pairs, double *work, double *totals, int64_t *count) {
     Problem problem = problem_of(h, intervals, inner, cap, weight, accelerations, acceleration, rows, jerk, bounds);
     problem.fixed = fixed;
     problem.priced = priced;

@@ -136,7 +136,7 @@ class Iterate:
         self.iterations = np.zeros(1, dtype=np.int64)
         warm = isinstance(start, Waypoint)
         self.z = start.z.copy() if isinstance(start, Waypoint) else np.array(start)
-        self.pairs = np.empty((-(-problem.cap.size // BLOCK), 2 * len(sides) + 1, 2, BLOCK))
+        self.pairs = np.empty((-(-problem.cap.size // BLOCK), 2 * len(sides) + 1, 2, BLOCK), dtype=np.float32)
         self.pairs[-1] = 1.0  # what fills it up
         self._totals = np.zeros(4)
         self._given = (
@@ -183,7 +183,7 @@ class Iterate:
 
     def waypoint(self) -> Waypoint:
         """A copy of the states and multipliers."""
-        return Waypoint(self.z.copy(), self.pairs[:, :, 1].astype(np.float32))
+        return Waypoint(self.z.copy(), self.pairs[:, :, 1].copy())
 
     def release(self) -> None:
         """Give back the memory of the Newton system; the next run builds it again."""

@@ -48,7 +48,7 @@ typedef struct {
 
 typedef struct {
     Knots z, affine, step; /* the iterate; the affine step; the whole step */
-    double *pairs;         /* (blocks, sides, 2, BLOCK): slack and multiplier of every side */
+    float *pairs;          /* (blocks, sides, 2, BLOCK): slack and multiplier of every side */
     double *gains;         /* (intervals, 4): of the next c on x, a and c, and the inverse of the pivot */
     double *forward;       /* (intervals,): the part of the next c that does not depend on the state */
     double *pulls;         /* (8, intervals + 1): gradients of the intervals, per unit of target and of corrector */
@@ -131,28 +131,28 @@ void interior_ahead(const Motion *z, const Motion *step, int64_t count, Motion *
 void interior_arrive(const Motion *z, const Motion *step, int64_t count, double length, Motion *arrived);
 
 /* Add to the shares of the limits that a start uses, and to its time. */
-void interior_used(const Problem *problem, int64_t block, const Motion *z, double *pairs, Used *used);
+void interior_used(const Problem *problem, int64_t block, const Motion *z, float *pairs, Used *used);
 
 /* Slacks of at least ``least``, and multipliers: those given, or the product over the slack. */
 void interior_place(const Problem *problem, int64_t block, const Motion *z, double least, double product,
-                    const float *duals, double *pairs, Totals *totals);
+                    const float *duals, float *pairs, Totals *totals);
 
 /* ---- interior_points.c: what an iteration does at the points of a block -------------------------------------------- */
 
 /* Measure the affine step that ends ``ahead``; the corrector's gradients. */
-void interior_affine(const Problem *problem, int64_t block, const Motion *z, const Motion *ahead, const double *pairs,
+void interior_affine(const Problem *problem, int64_t block, const Motion *z, const Motion *ahead, const float *pairs,
                      Pulls *pulls, Affine *affine);
 
 /* Measure the step that ends ``ahead``; the affine one ended ``hoped``. */
 void interior_decrease(const Problem *problem, int64_t block, const Motion *z, const Motion *hoped,
-                       const Motion *ahead, const double *pairs, const Stride *stride, Decrease *worst);
+                       const Motion *ahead, const float *pairs, const Stride *stride, Decrease *worst);
 
 /* Take the step: slacks and multipliers; with ``sums`` also what interior_condense gives there. */
 void interior_advance(const Problem *problem, int64_t block, const Motion *hoped, const Motion *ahead,
-                      const Motion *arrived, const Stride *stride, double *pairs, Totals *totals, Condensed *sums);
+                      const Motion *arrived, const Stride *stride, float *pairs, Totals *totals, Condensed *sums);
 
 /* Eliminate slacks and multipliers: Hessian and gradient of the affine step; ``clip`` drops negative curvature. */
-void interior_condense(const Problem *problem, int64_t block, const Motion *z, int clip, double *pairs, Condensed *sums);
+void interior_condense(const Problem *problem, int64_t block, const Motion *z, int clip, float *pairs, Condensed *sums);
 
 /* ---- interior_knots.c: between points and knots, and the Newton system over the knots ------------------------------- */
 

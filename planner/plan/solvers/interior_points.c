@@ -17,11 +17,12 @@ INLINE void affine_row(int kind, int64_t count, const Row *row, const double *sl
     APART
     for (int64_t i = 0; i < count; i++) {
         const double value = value_of(kind, row, i, ahead), pace = pace_of(kind, i, ahead);
-        const Inverses per_slack = inverses(row->s1[i], row->s2[i]);
+        const double s1 = row->s1[i], s2 = row->s2[i], l1 = row->l1[i], l2 = row->l2[i];
+        const Inverses per_slack = inverses(s1, s2);
         const double v1 = per_slack.a, v2 = per_slack.b;
-        const double ds1 = row->up * pace - value - row->s1[i], ds2 = row->down * pace + value - row->s2[i];
+        const double ds1 = row->up * pace - value - s1, ds2 = row->down * pace + value - s2;
         const double change1 = ds1 * v1, change2 = ds2 * v2;
-        const double first1 = ds1 * row->l1[i], first2 = ds2 * row->l2[i];
+        const double first1 = ds1 * l1, first2 = ds2 * l2;
         /* dl = -l (1 + ds / s) */
         const double product1 = -first1 * (1.0 + change1), product2 = -first2 * (1.0 + change2);
         const double e1 = product1 * v1, e2 = product2 * v2;
@@ -42,16 +43,16 @@ INLINE void affine_row(int kind, int64_t count, const Row *row, const double *sl
     }
 }
 
-HOTTEST void interior_affine(const Problem *problem, int64_t block, const Motion *z, const Motion *ahead, const double *pairs,
+HOTTEST void interior_affine(const Problem *problem, int64_t block, const Motion *z, const Motion *ahead, const float *pairs,
                          Pulls *pulls, Affine *affine) {
     const int64_t count = points_in(problem, block);
-    const double *slack = pairs + 2 * BLOCK * block * problem->sides, *dual = slack + BLOCK;
+    const float *slack = pairs + 2 * BLOCK * block * problem->sides, *dual = slack + BLOCK;
     double slope[BLOCK];
     Changes sum;
     APART
     for (int64_t i = 0; i < count; i++) {
-        const double r = 1.0 / problem->cap[block * BLOCK + i], v = 1.0 / slack[i];
-        const double ds = 1.0 - r * ahead->x[i] - slack[i], change = ds * v, first = ds * dual[i];
+        const double s = slack[i], r = 1.0 / problem->cap[block * BLOCK + i], v = 1.0 / s;
+        const double ds = 1.0 - r * ahead->x[i] - s, change = ds * v, first = ds * (double)dual[i];
         const double product = -first * (1.0 + change);
         slope[i] = pace_slope(z->pace[i]);
         sum.least[i] = sum.most[i] = change;
@@ -62,7 +63,7 @@ HOTTEST void interior_affine(const Problem *problem, int64_t block, const Motion
         pulls->target[1][i] = pulls->target[2][i] = pulls->corrector[1][i] = pulls->corrector[2][i] = 0.0;
     }
     for (int64_t r = 0; r < problem->rows; r++) {
-        const Row row = row_of(problem, block, r, (double *)pairs);
+        const Row row = row_of(problem, block, r, (float *)pairs);
         if (r < problem->accelerations) affine_row(ACCELERATION, count, &row, slope, ahead, pulls, &sum);
         else affine_row(JERK, count, &row, slope, ahead, pulls, &sum);
     }
@@ -107,20 +108,20 @@ INLINE void decrease_row(int kind, int64_t count, const Row *row, const Motion *
 }
 
 HOTTEST void interior_decrease(const Problem *problem, int64_t block, const Motion *z, const Motion *hoped,
-                           const Motion *ahead, const double *pairs, const Stride *stride, Decrease *worst) {
+                           const Motion *ahead, const float *pairs, const Stride *stride, Decrease *worst) {
     const int64_t count = points_in(problem, block);
-    const double *slack = pairs + 2 * BLOCK * block * problem->sides, *dual = slack + BLOCK;
+    const float *slack = pairs + 2 * BLOCK * block * problem->sides, *dual = slack + BLOCK;
     double worst_s[BLOCK], worst_l[BLOCK], worst_x[BLOCK];
     APART
     for (int64_t i = 0; i < count; i++) {
-        const double r = 1.0 / problem->cap[block * BLOCK + i], both = 1.0 / (slack[i] * dual[i]), v = dual[i] * both;
-        const Side side = side_of(slack[i], dual[i], v, 1.0 - r * hoped->x[i], 1.0 - r * ahead->x[i], stride);
+        const double s = slack[i], l = dual[i], r = 1.0 / problem->cap[block * BLOCK + i], both = 1.0 / (s * l), v = l * both;
+        const Side side = side_of(s, l, v, 1.0 - r * hoped->x[i], 1.0 - r * ahead->x[i], stride);
         worst_s[i] = -side.ds * v;
         worst_l[i] = 1.0 + side.ds * v - side.rest * both;
         worst_x[i] = 1.0 - ahead->x[i] / z->x[i];
     }
     for (int64_t r = 0; r < problem->rows; r++) {
-        const Row row = row_of(problem, block, r, (double *)pairs);
+        const Row row = row_of(problem, block, r, (float *)pairs);
         if (r < problem->accelerations) decrease_row(ACCELERATION, count, &row, hoped, ahead, stride, worst_s, worst_l);
         else decrease_row(JERK, count, &row, hoped, ahead, stride, worst_s, worst_l);
     }
@@ -162,10 +163,10 @@ INLINE void newton_row(int kind, int advance, int condense, int64_t count, const
             const Inverses per_slack = inverses(s1, s2);
             take_side(&s1, &l1, per_slack.a, row->up * pace0 - value0, row->up * pace1 - value1, room1, stride);
             take_side(&s2, &l2, per_slack.b, row->down * pace0 + value0, row->down * pace1 + value1, room2, stride);
-            row->s1[i] = s1;
-            row->l1[i] = l1;
-            row->s2[i] = s2;
-            row->l2[i] = l2;
+            s1 = keep_slack(row->s1 + i, s1);
+            l1 = keep_dual(row->l1 + i, l1);
+            s2 = keep_slack(row->s2 + i, s2);
+            l2 = keep_dual(row->l2 + i, l2);
             here->gap[i] += s1 * l1 + s2 * l2;
             double *worst = kind == JERK ? here->worst_jerk : here->worst;
             worst[i] = larger(worst[i], larger((s1 - room1) * row->per_up, (s2 - room2) * row->per_down));
@@ -196,10 +197,10 @@ INLINE void newton_row(int kind, int advance, int condense, int64_t count, const
 
 /* Both of the functions below, with the parts that are asked for. */
 INLINE void newton_block(int advance, int condense, int clip, const Problem *problem, int64_t block, const Motion *hoped,
-                         const Motion *ahead, const Motion *z, const Stride *stride, double *pairs, Totals *totals,
+                         const Motion *ahead, const Motion *z, const Stride *stride, float *pairs, Totals *totals,
                          Condensed *sums) {
     const int64_t count = points_in(problem, block), at = block * BLOCK;
-    double *slack = pairs + 2 * BLOCK * block * problem->sides, *dual = slack + BLOCK;
+    float *slack = pairs + 2 * BLOCK * block * problem->sides, *dual = slack + BLOCK;
     Here here;
     APART
     for (int64_t i = 0; i < count; i++) {
@@ -207,8 +208,8 @@ INLINE void newton_block(int advance, int condense, int clip, const Problem *pro
         double s = slack[i], l = dual[i];
         if (advance) {
             take_side(&s, &l, 1.0 / s, 1.0 - r * hoped->x[i], 1.0 - r * ahead->x[i], room, stride);
-            slack[i] = s;
-            dual[i] = l;
+            s = keep_slack(slack + i, s);
+            l = keep_dual(dual + i, l);
             here.gap[i] = s * l;
             here.worst[i] = s - room;
             here.worst_jerk[i] = 0.0;
@@ -247,12 +248,12 @@ INLINE void newton_block(int advance, int condense, int clip, const Problem *pro
 }
 
 HOTTEST void interior_advance(const Problem *problem, int64_t block, const Motion *hoped, const Motion *ahead,
-                          const Motion *arrived, const Stride *stride, double *pairs, Totals *totals, Condensed *sums) {
+                          const Motion *arrived, const Stride *stride, float *pairs, Totals *totals, Condensed *sums) {
     if (sums) newton_block(1, 1, 0, problem, block, hoped, ahead, arrived, stride, pairs, totals, sums);
     else newton_block(1, 0, 0, problem, block, hoped, ahead, arrived, stride, pairs, totals, sums);
 }
 
-HOTTEST void interior_condense(const Problem *problem, int64_t block, const Motion *z, int clip, double *pairs,
+HOTTEST void interior_condense(const Problem *problem, int64_t block, const Motion *z, int clip, float *pairs,
                            Condensed *sums) {
     newton_block(0, 1, clip, problem, block, z, z, z, NULL, pairs, NULL, sums);
 }

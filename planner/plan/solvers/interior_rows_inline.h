@@ -6,19 +6,33 @@
 
 enum { ACCELERATION, JERK };
 
+/* Slacks and multipliers are kept with 24 bits.  A slack is rounded down: where it is the true one it may not seem violated.
+   All that follows from a rounded one follows from it alone, so that nothing adds up. */
+static const double ROUND_DOWN = 1.0 - 0x1p-24;
+
+INLINE double keep_slack(float *to, double slack) {
+    *to = (float)(slack * ROUND_DOWN);
+    return (double)*to;
+}
+
+INLINE double keep_dual(float *to, double dual) {
+    *to = (float)dual;
+    return (double)*to;
+}
+
 /* One row in a block: its coefficients, the sizes of its bounds, what violations are divided by (times 1 + pace), slacks and
    multipliers of its two sides. */
 typedef struct {
     const double *x, *a, *c;
     double up, down, per_up, per_down;
-    double *s1, *l1, *s2, *l2;
+    float *s1, *l1, *s2, *l2;
 } Row;
 
-INLINE Row row_of(const Problem *problem, int64_t block, int64_t i, double *pairs) {
+INLINE Row row_of(const Problem *problem, int64_t block, int64_t i, float *pairs) {
     const int64_t points = problem->points, at = block * BLOCK, k = i - problem->accelerations;
     const double *r = k < 0 ? problem->acceleration + 2 * i * points + at : problem->jerk + 3 * k * points + at;
     const double *bounds = problem->bounds + 2 * i;
-    double *own = pairs + 2 * BLOCK * (block * problem->sides + 1 + 2 * i);
+    float *own = pairs + 2 * BLOCK * (block * problem->sides + 1 + 2 * i);
     return (Row){
         .x = r,
         .a = r + points,

@@ -37,7 +37,7 @@ INLINE void use_row(int kind, int64_t count, const Row *row, const Motion *z, do
     }
 }
 
-HOTTEST void interior_used(const Problem *problem, int64_t block, const Motion *z, double *pairs, Used *used) {
+HOTTEST void interior_used(const Problem *problem, int64_t block, const Motion *z, float *pairs, Used *used) {
     const int64_t count = points_in(problem, block);
     double steady[BLOCK], jerk[BLOCK];
     APART
@@ -58,54 +58,54 @@ HOTTEST void interior_used(const Problem *problem, int64_t block, const Motion *
 }
 
 INLINE void place_row(int kind, int64_t count, const Row *row, const Motion *z, double least, double product,
-                      double *worst) {
+                      double *gap, double *worst) {
     APART
     for (int64_t i = 0; i < count; i++) {
         const double value = value_of(kind, row, i, z), pace = pace_of(kind, i, z);
         const double room1 = row->up * pace - value, room2 = row->down * pace + value;
-        const double s1 = larger(room1, least), s2 = larger(room2, least);
+        const double s1 = keep_slack(row->s1 + i, larger(room1, least)), s2 = keep_slack(row->s2 + i, larger(room2, least));
         const Inverses per_slack = inverses(s1, s2);
-        row->s1[i] = s1;
-        row->s2[i] = s2;
-        row->l1[i] = product * per_slack.a;
-        row->l2[i] = product * per_slack.b;
+        const double l1 = keep_dual(row->l1 + i, product * per_slack.a), l2 = keep_dual(row->l2 + i, product * per_slack.b);
+        gap[i] += s1 * l1 + s2 * l2;
         worst[i] = larger(worst[i], larger((s1 - room1) * row->per_up, (s2 - room2) * row->per_down));
     }
 }
 
 /* Put multipliers that are given in place of those of a start. */
-INLINE void place_duals(int64_t count, int64_t sides, const float *duals, double *pairs, double *gap) {
+INLINE void place_duals(int64_t count, int64_t sides, const float *duals, float *pairs, double *gap) {
     for (int64_t side = 0; side < sides; side++) {
         const float *given = duals + BLOCK * side;
-        double *s = pairs + 2 * BLOCK * side, *l = s + BLOCK;
+        float *s = pairs + 2 * BLOCK * side, *l = s + BLOCK;
         APART
         for (int64_t i = 0; i < count; i++) {
-            l[i] = (double)given[i];
-            gap[i] += s[i] * l[i];
+            l[i] = given[i];
+            gap[i] += (double)s[i] * (double)l[i];
         }
     }
 }
 
 HOTTEST void interior_place(const Problem *problem, int64_t block, const Motion *z, double least, double product,
-                        const float *duals, double *pairs, Totals *totals) {
+                        const float *duals, float *pairs, Totals *totals) {
     const int64_t count = points_in(problem, block), sides = problem->sides;
-    double *slack = pairs + 2 * BLOCK * block * sides, *dual = slack + BLOCK;
+    float *slack = pairs + 2 * BLOCK * block * sides, *dual = slack + BLOCK;
     double worst[BLOCK], worst_jerk[BLOCK], gap[BLOCK];
     APART
     for (int64_t i = 0; i < count; i++) {
         const double room = 1.0 - z->x[i] / problem->cap[block * BLOCK + i];
-        slack[i] = larger(room, least);
-        dual[i] = product / slack[i];
-        worst[i] = slack[i] - room;
+        const double s = keep_slack(slack + i, larger(room, least)), l = keep_dual(dual + i, product / s);
+        worst[i] = s - room;
         worst_jerk[i] = 0.0;
-        gap[i] = duals ? 0.0 : (double)sides * product;
+        gap[i] = s * l;
     }
     for (int64_t r = 0; r < problem->rows; r++) {
         const Row row = row_of(problem, block, r, pairs);
-        if (r < problem->accelerations) place_row(ACCELERATION, count, &row, z, least, product, worst);
-        else place_row(JERK, count, &row, z, least, product, worst_jerk);
+        if (r < problem->accelerations) place_row(ACCELERATION, count, &row, z, least, product, gap, worst);
+        else place_row(JERK, count, &row, z, least, product, gap, worst_jerk);
     }
-    if (duals) place_duals(count, sides, duals + BLOCK * block * sides, slack, gap);
+    if (duals) {
+        for (int64_t i = 0; i < count; i++) gap[i] = 0.0;
+        place_duals(count, sides, duals + BLOCK * block * sides, slack, gap);
+    }
     for (int64_t i = 0; i < count; i++) {
         totals->residual = larger(totals->residual, larger(0.5 * worst[i], worst_jerk[i] / (1.0 + z->pace[i])));
         totals->time += problem->weight[block * BLOCK + i] * z->pace[i];

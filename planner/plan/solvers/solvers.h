@@ -37,7 +37,8 @@ void accelerations_follow_rows(int64_t count, int64_t n, int64_t points, const d
        bounds (rows, 2)                                sizes of the upper and lower bounds, finite
    The iterate is
        z (3, intervals + 1)                            x, a, c at the knots
-       pairs (blocks, 2 rows + 1, 2, 128)              slacks and multipliers of all sides: blocks of 128 points, the last filled up
+       pairs (blocks, 2 rows + 1, 2, 128)              slacks and multipliers of all sides: blocks of 128 points, the last filled up;
+                                                       24 bits of each will do, a slack never more than the true one
        totals (4,)                                     sum(s l), time, largest relative violation, 1 where work is up to date */
 
 /* Begin: scale z until it uses a share ``inside`` of the limits (0: leave it), make slacks of at least ``least``, and
@@ -45,7 +46,7 @@ void accelerations_follow_rows(int64_t count, int64_t n, int64_t points, const d
 void interior_begin(const double *h, int64_t intervals, int64_t inner, const double *cap, const double *weight,
                     int64_t accelerations, const double *acceleration, int64_t rows, const double *jerk,
                     const double *bounds, double inside, double least, double centring, const float *duals, double *z,
-                    double *pairs, double *totals);
+                    float *pairs, double *totals);
 
 /* Doubles of the array ``work``. */
 int64_t interior_work(int64_t intervals, int64_t priced);
@@ -57,6 +58,6 @@ int64_t interior_work(int64_t intervals, int64_t priced);
 int64_t interior_run(const double *h, int64_t intervals, int64_t inner, const double *cap, const double *weight,
                      int64_t accelerations, const double *acceleration, int64_t rows, const double *jerk,
                      const double *bounds, int64_t fixed, int64_t priced, double hope, double tolerance, int64_t most,
-                     double *z, double *pairs, double *work, double *totals, int64_t *count);
+                     double *z, float *pairs, double *work, double *totals, int64_t *count);
 
 #endif

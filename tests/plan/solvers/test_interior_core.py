@@ -61,7 +61,7 @@ ENDS = {
 
 def sides(iterate):
     """Slacks and multipliers (sides, p) of an iterate."""
-    pairs = iterate.pairs.transpose(2, 1, 0, 3)
+    pairs = iterate.pairs.astype(np.float64).transpose(2, 1, 0, 3)
     return pairs.reshape(2, pairs.shape[1], -1)[:, :, : iterate.problem.cap.size].copy()
 
 
@@ -78,7 +78,8 @@ def agree(iterate, reference, rel):
     gap, time, residual = reference.totals
     assert iterate.gap == pytest.approx(gap, rel=1e2 * rel)
     assert iterate.time == pytest.approx(time, rel=1e2 * rel)
-    assert iterate.residual == pytest.approx(residual, abs=1e2 * rel)
+    # slacks are kept with 24 bits, and what is violated is their difference from the true ones
+    assert iterate.residual == pytest.approx(residual, rel=2.0**-23, abs=1e2 * rel)
 
 
 def begun(problem):
