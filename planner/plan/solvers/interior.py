@@ -69,7 +69,7 @@ _HOPE = 2.0  # weight of the hoped-for gain in the centring
 _WATCHED_WORK = 200_000  # points times iterations between looks at the clock
 # Slacks at the start are at least this much of a bound, and the start of a warm one is slowed down to this share of it.
 _MIN_SLACK, _MIN_WARM_SLACK, _WARM_INSIDE = 0.05, 1e-6, 0.9999
-_WAYPOINT_GAP = 3e-3
+_WAYPOINT_GAP = 1e-3
 _NO_CAP = 1e300
 _NO_BOUND = 1e9  # of a scaled row, in place of inf: the barrier of a bound so far away is flat
 
