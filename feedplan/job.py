@@ -259,6 +259,7 @@ def load_job(
     share: float = 1.0,
     tools: str | Path | None = None,
     ignore: Sequence[str] = (),
+    reader: str = "feedplan",
     notice: Callable[[str], None] | None = None,
 ) -> Job:
     """Load a curve, or a part program as a path, and the limits of a machine.
@@ -283,6 +284,8 @@ def load_job(
         Tool table for a part program.
     ignore : sequence of str
         Words of a part program to pass over, as :func:`planner.read_program` does.
+    reader : str
+        Who reads a part program: "feedplan", or "rs274" for an installed LinuxCNC.
     notice : callable, optional
         Is told what is no error and yet worth knowing.
 
@@ -298,7 +301,9 @@ def load_job(
         limits, named = load_machine(machine)
         limits = _changed(limits, feed, period)
         return Job.of(
-            program_curve(source, scale, limits, tolerance, share, notice, tools=tools, ignore=ignore), limits, named
+            program_curve(source, scale, limits, tolerance, share, notice, tools=tools, ignore=ignore, reader=reader),
+            limits,
+            named,
         )
     found = plain_curve(source, scale, tolerance, share)
     limits, named = load_machine(machine, "five-axis" if ROTARY_AXES & set(found.curve.axes) else "mill")
@@ -325,6 +330,7 @@ def load_job_of_table(
     tolerance: float | None = None,
     tools: str | Path | None = None,
     ignore: Sequence[str] = (),
+    reader: str = "feedplan",
 ) -> Job:
     """Load the curve a table was planned for, and the limits of a machine; without one, those in the table's header.
 
@@ -340,7 +346,15 @@ def load_job_of_table(
     if not isinstance(source, Curve) and is_program(source):
         weights = load_limits(said.machine) if said.machine else own
         found = program_curve(
-            source, scale, weights, tolerance, said.share, tools=tools, ignore=ignore, widen=not said.machine
+            source,
+            scale,
+            weights,
+            tolerance,
+            said.share,
+            tools=tools,
+            ignore=ignore,
+            reader=reader,
+            widen=not said.machine,
         )
     else:
         found = plain_curve(source, scale, tolerance, said.share)

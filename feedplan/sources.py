@@ -102,21 +102,21 @@ def program_curve(
     *,
     tools: str | Path | None = None,
     ignore: Sequence[str] = (),
+    reader: str = "feedplan",
     widen: bool = False,
 ) -> SourceCurve:
     """Make the path of a part program, which takes its share of the tolerance.
 
-    ``notice`` is told of a long one; ``tools`` and ``ignore`` are for :func:`planner.read_program`.  ``widen``: the
+    ``notice`` is told of a long one; ``tools``, ``ignore`` and ``reader`` say how it is read.  ``widen``: the
     limits are those of the axes that move, as a table has them.
     """
     import numpy as np
 
     from feedplan.verdict_text import program_summary
-    from planner import read_program
-    from planner.programs.source import given_tolerances, path_of, require_unscaled
+    from planner.programs.source import given_tolerances, path_of, program_of, require_unscaled
 
     require_unscaled(source, scale)
-    program = read_program(source, tools=tools, ignore=ignore)
+    program = program_of(source, reader, tools=tools, ignore=ignore)
     if len(program) > _LONG and notice is not None:
         notice(
             f"{source}: {len(program)} moves are planned as a whole here, which takes memory; "

@@ -45,6 +45,9 @@ ELSEWHERE = {
     "plan/test_refine.py": ("planner.plan.stage",),
     "plan/test_two_sided.py": ("planner.machine.limit_rows",),
     "plan/test_speed_law.py": ("planner.law",),
+    "programs/linuxcnc/test_canonical_program.py": tuple(
+        f"planner.programs.linuxcnc.{name}" for name in ("calls", "canon", "interpreter", "line_events", "marks")
+    ),
     "programs/long/test_windows.py": tuple(
         f"planner.programs.long.{name}" for name in ("done", "journal", "parts", "restore", "run", "window")
     ),

@@ -20,6 +20,7 @@ from feedplan.job import load_job_of_table
 @options.tolerance
 @options.tools
 @options.ignore
+@options.reader
 @options.scale
 @click.option("--certificate", type=options.FILE, help="Certificate of its lower bound, .npz.")
 @options.as_json
@@ -31,6 +32,7 @@ def check(
     tolerance_mm: float | None,
     tools: Path | None,
     ignore: tuple[str, ...],
+    reader: str,
     scale: float,
     certificate: Path | None,
     as_json: bool,
@@ -45,7 +47,9 @@ def check(
         from planner import read_table
 
         table, curve = at.table(table), at.curve(curve)
-        job = load_job_of_table(table, curve, machine, scale=scale, tolerance=tolerance_mm, tools=tools, ignore=ignore)
+        job = load_job_of_table(
+            table, curve, machine, scale=scale, tolerance=tolerance_mm, tools=tools, ignore=ignore, reader=reader
+        )
         with ProgressLine() as line:
             line("reading the table")
             verdict = job.judge(read_table(table, job.curve), line)

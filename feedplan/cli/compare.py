@@ -56,6 +56,7 @@ _FLOOR = 1e-3  # of a limit; less is drawn as this
 @options.scale
 @options.commanded_feed
 @options.period
+@options.reader
 @click.option("--methods", metavar="A,B,...", help="Names, or their beginnings: algorithm, 2002, 2007, scurve.")
 @click.option("--output", "-o", type=options.FILE, help="Result, .json or .csv.")
 @click.option("--plot", type=options.FILE, help="Figure, .png, .pdf or .svg.")
@@ -69,6 +70,7 @@ def compare(
     scale: float,
     feed_mm_s: float | None,
     period_s: float | None,
+    reader: str,
     methods: str | None,
     output: Path | None,
     plot: Path | None,
@@ -91,7 +93,7 @@ def compare(
         from planner.output.panel_choice import COMPARISON_PANELS, PAGE_MM
 
         drawing = require_figure(plot, panels, width_mm, COMPARISON_PANELS)
-        job = load_job(curve, machine, scale=scale, feed=feed_mm_s, period=period_s, notice=notice)
+        job = load_job(curve, machine, scale=scale, feed=feed_mm_s, period=period_s, reader=reader, notice=notice)
         from feedplan.comparison import compare as compare_methods
         from feedplan.progress import ProgressLine
 

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 @click.option("--tolerance-mm", type=float, help="Distance allowed between the program and the CURVE.")
 @options.tools
 @options.ignore
+@options.reader
 @click.option("--inverse-time", is_flag=True, help="G93: F as blocks a minute.")
 @click.option("--block-time-s", type=float, default=0.01, help="Longest time of a block.")
 @options.commanded_feed
@@ -50,6 +51,7 @@ def ngc(
     tolerance_mm: float | None,
     tools: Path | None,
     ignore: tuple[str, ...],
+    reader: str,
     inverse_time: bool,
     block_time_s: float,
     feed_mm_s: float | None,
@@ -78,12 +80,15 @@ def ngc(
                 tolerance=tolerance_mm,
                 tools=tools,
                 ignore=ignore,
+                reader=reader,
                 share=PATH_SHARE,
                 notice=notice,
             )
         else:
             job = _job_of_table(
-                load_job_of_table(table, curve, scale=scale, tools=tools, ignore=ignore), table, tolerance_mm
+                load_job_of_table(table, curve, scale=scale, tools=tools, ignore=ignore, reader=reader),
+                table,
+                tolerance_mm,
             )
         from feedplan.progress import ProgressLine
         from planner import read_table

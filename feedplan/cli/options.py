@@ -61,6 +61,13 @@ ignore = click.option(
     metavar="WORD",
     help="Word of a part program to pass over, as A or M123; may be repeated.",
 )
+reader = click.option(
+    "--reader",
+    type=click.Choice(["feedplan", "rs274"]),
+    default="feedplan",
+    show_default=True,
+    help="Who reads a part program: this, or the interpreter of an installed LinuxCNC.",
+)
 commanded_feed = click.option("--feed-mm-s", type=float, help="Commanded feed, in place of the machine's.")
 period = click.option("--period-s", type=float, help="Interpolation period, in place of the machine's.")
 plot_width = click.option("--width-mm", type=float, help="Width of the figure; 85 is a paper's column, 180 its page.")

@@ -67,6 +67,7 @@ class MethodName(StrEnum):
 @options.tolerance
 @options.tools
 @options.ignore
+@options.reader
 @click.option("--intervals", type=int, help="Grid intervals; refinement chooses if left out.")
 @click.option("--budget-s", type=float, default=math.inf, help="Time after which to return the best plan so far.")
 @click.option("--output", "-o", type=options.FILE, help=f"Feedrate table, {ANY_COLUMN_FORMAT}.")
@@ -95,6 +96,7 @@ def plan(
     tolerance_mm: float | None,
     tools: Path | None,
     ignore: tuple[str, ...],
+    reader: str,
     intervals: int | None,
     budget_s: float,
     output: Path | None,
@@ -136,6 +138,7 @@ def plan(
             tolerance=tolerance_mm,
             tools=tools,
             ignore=ignore,
+            reader=reader,
             share=share,
             notice=notice,
         )

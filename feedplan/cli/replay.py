@@ -28,6 +28,7 @@ _SAMPLES_AT_ONCE = 1_000_000  # bounds the memory that evaluating the plan takes
 @options.tolerance
 @options.tools
 @options.ignore
+@options.reader
 @options.scale
 @click.option("--output", "-o", type=options.FILE, help=f"Samples, {ANY_COLUMN_FORMAT}.")
 def replay(
@@ -39,6 +40,7 @@ def replay(
     tolerance_mm: float | None,
     tools: Path | None,
     ignore: tuple[str, ...],
+    reader: str,
     scale: float,
     output: Path | None,
 ) -> None:
@@ -55,7 +57,9 @@ def replay(
         from planner import read_table
         from planner.output.table import write_samples
 
-        job = load_job_of_table(table, curve, scale=scale, tolerance=tolerance_mm, tools=tools, ignore=ignore)
+        job = load_job_of_table(
+            table, curve, scale=scale, tolerance=tolerance_mm, tools=tools, ignore=ignore, reader=reader
+        )
         with ProgressLine() as line:
             line("reading the table")
             profile = read_table(table, job.curve)

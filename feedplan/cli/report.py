@@ -28,6 +28,7 @@ from feedplan.job import load_job_of_table
 @options.tolerance
 @options.tools
 @options.ignore
+@options.reader
 @options.as_json
 def report(
     table: Path,
@@ -39,6 +40,7 @@ def report(
     tolerance_mm: float | None,
     tools: Path | None,
     ignore: tuple[str, ...],
+    reader: str,
     as_json: bool,
 ) -> None:
     """Write a feedrate table as a page for a browser.
@@ -55,7 +57,9 @@ def report(
         from feedplan.progress import ProgressLine
         from planner import read_table
 
-        job = load_job_of_table(table, curve, machine, scale=scale, tolerance=tolerance_mm, tools=tools, ignore=ignore)
+        job = load_job_of_table(
+            table, curve, machine, scale=scale, tolerance=tolerance_mm, tools=tools, ignore=ignore, reader=reader
+        )
         with ProgressLine() as line:
             line("reading the table")
             profile = read_table(table, job.curve)

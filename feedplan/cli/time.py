@@ -37,6 +37,7 @@ _DIGITS = 4  # behind the point of the seconds that are shown
 @options.tolerance
 @options.tools
 @options.ignore
+@options.reader
 @click.option("--feed-mm-s", type=float, help="Largest feed, in place of the machine's.")
 @click.option("--rows", type=click.IntRange(min=0), default=_ROWS, help="How many of the longest lines to print.")
 @click.option("--output", "-o", type=options.FILE, help=f"Every line, {ANY_COLUMN_FORMAT}.")
@@ -48,6 +49,7 @@ def time(
     tolerance_mm: float | None,
     tools: Path | None,
     ignore: tuple[str, ...],
+    reader: str,
     feed_mm_s: float | None,
     rows: int,
     output: Path | None,
@@ -64,7 +66,14 @@ def time(
         require_apart([output], [program, machine])
         require_outputs(output, None)
         job = load_job(
-            program, machine, feed=feed_mm_s, tolerance=tolerance_mm, tools=tools, ignore=ignore, notice=notice
+            program,
+            machine,
+            feed=feed_mm_s,
+            tolerance=tolerance_mm,
+            tools=tools,
+            ignore=ignore,
+            reader=reader,
+            notice=notice,
         )
         from feedplan.progress import ProgressLine
         from planner.programs.times import write_line_times

@@ -42,6 +42,7 @@ _UNITS = {
 @options.tolerance
 @options.tools
 @options.ignore
+@options.reader
 @click.option("--feed-mm-s", type=float, help="Largest feed, in place of the machine's.")
 @click.option("--fresh", is_flag=True, help="Begin anew where an earlier run was interrupted.")
 @options.as_json
@@ -53,6 +54,7 @@ def windows(
     tolerance_mm: float | None,
     tools: Path | None,
     ignore: tuple[str, ...],
+    reader: str,
     feed_mm_s: float | None,
     fresh: bool,
     as_json: bool,
@@ -65,14 +67,14 @@ def windows(
     require_program(program, "feedplan windows")
     from feedplan.progress import ProgressLine
     from planner.programs.long.windows import plan_program
-    from planner.programs.reading.reader import read_program
+    from planner.programs.source import program_of
 
     limits, name = load_machine(machine)
     limits = limits if feed_mm_s is None else limits.with_feed(feed_mm_s)
     began = time.perf_counter()
     with ProgressLine() as line:
         line("reading the program", None)
-        blocks = read_program(program, tools=tools, ignore=ignore)
+        blocks = program_of(program, reader, tools=tools, ignore=ignore)
         plan = plan_program(blocks, limits, tolerance_mm, output=output, progress=line, resume=not fresh)
     seconds = time.perf_counter() - began
     if as_json:

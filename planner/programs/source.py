@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,13 +21,21 @@ if TYPE_CHECKING:
     from planner.machine.limits import Limits
     from planner.programs.path.smooth_path import ProgramPath
     from planner.programs.reading.program import Program
+    from planner.programs.reading.setup import Tool
 
 EXAMPLE = "mill"
 """The machine whose limits weigh the path of a program where none are given."""
+READERS = ("feedplan", "rs274")
+"""Who reads a part program: this package, or the interpreter of an installed LinuxCNC."""
 
 
 def load_curve(
-    source: str | Path, *, scale: float = 1.0, tolerance: float | None = None, limits: Limits | None = None
+    source: str | Path,
+    *,
+    scale: float = 1.0,
+    tolerance: float | None = None,
+    limits: Limits | None = None,
+    reader: str = "feedplan",
 ) -> Curve:
     """Load a curve by its name or from a file.
 
@@ -44,6 +53,8 @@ def load_curve(
         Of the machine that is to run the part program: they weigh in its corners where smoothness is worth most.  Left
         out, those of the example machine ``mill``; the path keeps its tolerance either way, and any limits can be planned
         with.
+    reader : str
+        Of a part program: "feedplan", or "rs274" for the interpreter of an installed LinuxCNC.
 
     Returns
     -------
@@ -62,13 +73,14 @@ def load_curve(
     kind = Path(source).suffix.lower() if isinstance(source, str | os.PathLike) else ""
     if kind in SUFFIXES:
         from planner.machine.machine_file import load_limits
-        from planner.programs.reading.reader import read_program
 
         require_unscaled(source, scale)
         tolerance = None if tolerance is None else positive_number(tolerance, "tolerance")
         machine = "" if limits is not None else EXAMPLE
-        path = path_of(read_program(source), load_limits(machine) if limits is None else limits, tolerance)
+        path = path_of(program_of(source, reader), load_limits(machine) if limits is None else limits, tolerance)
         return replace(path.curve, made_within=PathTolerance(tolerance, machine=machine))
+    if reader != READERS[0]:
+        raise InputError(f"reader = {reader!r} is for part programs; {source} is none")
     if tolerance is None:
         return read_curve(source, scale=scale)
     if kind == ".csv":
@@ -77,6 +89,33 @@ def load_curve(
         require_unscaled(source, scale)
         return read_points(source, tolerance)
     raise InputError(f"tolerance = {tolerance!r} mm is for part programs and points; {source} is exact")
+
+
+def program_of(
+    source: str | Path,
+    reader: str = "feedplan",
+    *,
+    tools: str | Path | Mapping[int, Tool] | None = None,
+    ignore: Sequence[str] = (),
+) -> Program:
+    """Read a part program, by this package or by LinuxCNC.
+
+    Raises InputError as :func:`planner.read_program` and
+    :func:`~planner.programs.linuxcnc.canonical_program.read_with_linuxcnc` do.
+    """
+    if reader not in READERS:
+        raise InputError(f"reader = {reader!r} must be one of {', '.join(READERS)}")
+    if reader == READERS[0]:
+        from planner.programs.reading.reader import read_program
+
+        return read_program(source, tools=tools, ignore=ignore)
+    from planner.programs.linuxcnc.canonical_program import read_with_linuxcnc
+
+    if ignore:
+        raise InputError(
+            f"ignore = {list(ignore)!r}: LinuxCNC passes over no words; leave them out with its reader rs274"
+        )
+    return read_with_linuxcnc(source, tools=tools)
 
 
 def path_of(program: Program, limits: Limits, tolerance: float | None, share: float = 1.0) -> ProgramPath:

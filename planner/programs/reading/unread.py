@@ -60,7 +60,8 @@ class UnreadWords:
         more = f" and {len(order) - _SHOWN} others" if len(order) > _SHOWN else ""
         raise InputError(
             f"{self.source}:{line}: {order[0]}: not read in this program: {'; '.join(parts)}{more}; post it without "
-            "them, or pass over those that move nothing: --ignore WORD for each"
+            "them, or pass over those that move nothing: --ignore WORD for each, or let an installed LinuxCNC read it: "
+            "--reader rs274"
         )
 
     def notes(self) -> list[str]:

@@ -21,6 +21,7 @@ from planner import (
     write_table,
 )
 from planner.geometry.tolerance import PathTolerance
+from planner.programs.linuxcnc.interpreter import is_installed
 from planner.programs.path.deviation import deviation
 from planner.programs.path.moves import MovingBlocks
 from planner.programs.path.smooth_path import program_path
@@ -506,6 +507,44 @@ def test_a_directory_is_no_curve(run, tmp_path):
     code, _, err = run("plan", tmp_path)
     assert code == 2
     assert "is a directory; give a .json" in err
+
+
+@pytest.mark.skipif(not is_installed(), reason="LinuxCNC is not installed (Debian: apt-get install linuxcnc-uspace)")
+class TestReadByLinuxCNC:
+    TEXT = "G21 G64 P0.01\nG0 X0 Y0\nF1200\nG1 X10\nG2 X20 I5\nG5.1 X30 Y10 I5 J0\nG1 X40\nM2\n"
+
+    @pytest.fixture
+    def file(self, tmp_path):
+        path = tmp_path / "part.ngc"
+        path.write_text(self.TEXT)
+        return path
+
+    def test_every_command_takes_the_reader(self, run, file, tmp_path):
+        table, program, windows = tmp_path / "plan.csv", tmp_path / "out.ngc", tmp_path / "plan.npz"
+        by = ("--reader", "rs274")
+        code, out, _ = run("time", file, *by, "--json")
+        assert code == 0
+        lines = {row["line"] for row in strict_json(out)["lines"] if row["seconds"] > 0.0}
+        assert lines == {4, 5, 6, 7}
+        assert "read by LinuxCNC's interpreter: splines are its chords" in strict_json(out)["notes"]
+        assert run("plan", file, *by, "-o", table)[0] == 0
+        assert run("check", table, file, *by)[0] == 0
+        assert run("replay", table, file, *by, "-o", tmp_path / "samples.csv")[0] == 0
+        assert run("report", table, file, *by, "-o", tmp_path / "page.html")[0] == 0
+        assert run("ngc", file, *by, "-o", program)[0] == 0
+        assert run("windows", file, *by, "-o", windows)[0] == 0
+        assert run("compare", file, *by, "--methods", "optimal")[0] == 0
+
+    def test_what_linuxcnc_refuses_is_bad_input(self, run, file):
+        file.write_text("G1 X1 F60\nG1 X[1/0]\nM2\n")
+        code, _, err = run("time", file, "--reader", "rs274")
+        assert code == 2
+        assert "part.ngc:2: G1X[1/0]: LinuxCNC refuses it: Attempt to divide by zero" in err
+
+    def test_a_reader_that_there_is_not(self, run, file):
+        code, _, err = run("time", file, "--reader", "grbl")
+        assert code == 2
+        assert "'feedplan', 'rs274'" in err
 
 
 class TestWhatAProgramCountsOn:

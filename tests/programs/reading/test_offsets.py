@@ -227,7 +227,8 @@ class TestUnread:
     def test_all_of_them_in_one_message(self, refusal):
         assert refusal(self.TEXT + END) == (
             "2: M123: not read in this program: M123 (line 2, 2 times); A (line 3, 2 times, rotary axes); "
-            "G12.1 (line 6, 1 time); post it without them, or pass over those that move nothing: --ignore WORD for each"
+            "G12.1 (line 6, 1 time); post it without them, or pass over those that move nothing: --ignore WORD for each, or "
+            "let an installed LinuxCNC read it: --reader rs274"
         )
 
     def test_over_the_parts_of_a_file(self, refusal, monkeypatch):

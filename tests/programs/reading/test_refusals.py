@@ -16,7 +16,7 @@ def unread(line, name, why):
     """The message for one word that is not read."""
     return (
         f"{line}: {name}: not read in this program: {name} (line {line}, 1 time{why}); post it without them, or pass over "
-        "those that move nothing: --ignore WORD for each"
+        "those that move nothing: --ignore WORD for each, or let an installed LinuxCNC read it: --reader rs274"
     )
 
 

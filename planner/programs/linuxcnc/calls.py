@@ -1,0 +1,91 @@
+"""The canonical calls by what they are: moves, marks of lines, states of the interpreter."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.errors import InputError
+from planner.programs.linuxcnc import canon
+from planner.programs.linuxcnc.interpreter import CanonicalCalls
+from planner.programs.reading.modal import INCH_MM
+from planner.programs.reading.words import LineArray
+from planner.types import FloatArray
+
+_MOVES = (canon.RAPID, canon.LINE, canon.ARC, canon.PROBE, canon.TAP)
+# Columns of a STATE row.
+FEED_MODE, PATH_MODE, SPEED, MOTION, DISTANCE, UNITS = range(3, 9)
+_PER_TURN, _INCH = 950, 200
+_THREADS = (330, 331, 760)
+_PITCH = re.compile(r"[KP]([-+]?\d*\.?\d+|\d+\.)")
+
+
+@dataclass(frozen=True, eq=False)
+class CallColumns:
+    """The moves of a program: rows of the calls, line of each, feed in mm/s, and the state in force.
+
+    ``marks`` are the rows of the marks, ``mark_lines`` the lines of the program they stand for.
+    """
+
+    rows: LineArray
+    kind: LineArray
+    line: LineArray
+    feed: FloatArray
+    state: FloatArray
+    marks: LineArray
+    mark_lines: LineArray
+
+
+def require_read(calls: CanonicalCalls) -> None:
+    """Raise InputError with LinuxCNC's message where it refuses the program."""
+    if not calls.message:
+        return
+    lines = calls.marked.lines[calls.file]
+    word = lines[calls.line - 1][:40] if calls.line <= len(lines) else ""
+    raise InputError(
+        f"{calls.marked.names[calls.file]}:{calls.line}: {word or 'end of file'}: LinuxCNC refuses it: {calls.message}"
+    )
+
+
+def sorted_calls(calls: CanonicalCalls) -> CallColumns:
+    """Find the moves, their lines and feeds."""
+    table = calls.rows
+    kind = table[:, 0].astype(np.int64)
+    marks, states = np.flatnonzero(kind == canon.MARK), np.flatnonzero(kind == canon.STATE)
+    moves = np.flatnonzero(np.isin(kind, _MOVES))
+    # What is in force is told before the next line: the state after a call is the one that it was made in.
+    state = table[states[np.minimum(np.searchsorted(states, moves), states.size - 1)]]
+    in_main = table[marks, 3] == 0
+    main_line = np.maximum.accumulate(np.where(in_main, table[marks, 4], 0)).astype(np.int64)
+    last = np.searchsorted(marks, moves) - 1
+    numbers = np.asarray(calls.marked.numbers)
+    own = numbers[np.clip(table[moves, 1].astype(np.int64), 0, numbers.size - 1)]
+    called = (last >= 0) & ~in_main[np.maximum(last, 0)]
+    line = np.where(called, main_line[np.maximum(last, 0)] if marks.size else 0, own)
+    feed = table[moves, 2] / 60.0
+    turning = state[:, FEED_MODE] == _PER_TURN
+    feed[turning] *= state[turning, SPEED]
+    for index in np.flatnonzero(np.isin(state[:, MOTION], _THREADS)).tolist():
+        pitch = _pitch(calls, int(marks[last[index]]), int(line[index])) * unit_mm(state[index])
+        feed[index] = pitch * state[index, SPEED] / 60.0
+    return CallColumns(moves, kind[moves], line, feed, state, marks, main_line)
+
+
+def unit_mm(state: FloatArray) -> float:
+    """Length unit in force, mm."""
+    return INCH_MM if state[UNITS] == _INCH else 1.0
+
+
+def _pitch(calls: CanonicalCalls, mark: int, line: int) -> float:
+    """Way along a thread of a turn of the spindle, in the program's units: it stands in the line, and not in the calls."""
+    file, number = calls.rows[mark, 3:5].astype(np.int64).tolist()
+    text = calls.marked.lines[file][number - 1]
+    found = _PITCH.search(text)
+    if found is None:
+        raise InputError(
+            f"{calls.marked.names[0]}:{line}: {text[:40]}: LinuxCNC does not tell the pitch of a thread, and here it is no "
+            "number"
+        )
+    return float(found[1])
