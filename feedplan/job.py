@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from feedplan.verdict import Verdict
     from planner.geometry.curve import Curve
     from planner.machine.limits import Limits
+    from planner.machine.machine_table import Machine
     from planner.output.ngc import FeedMode, WrittenProgram
     from planner.profile import FeedrateProfile
     from planner.programs.path.smooth_path import ProgramPath
@@ -209,6 +210,7 @@ def plan_and_check(
     source: str | Path | Curve,
     machine: str | Path | Limits | None = None,
     *,
+    complete: Mapping[str, float] | None = None,
     scale: float = 1.0,
     feed: float | None = None,
     period: float | None = None,
@@ -221,7 +223,7 @@ def plan_and_check(
 
     Parameters
     ----------
-    source, machine, scale, feed, period, tolerance
+    source, machine, complete, scale, feed, period, tolerance
         As for :func:`load_job`.
     bound, progress, options
         As for :meth:`Job.run`; options are those of :func:`planner.plan_feedrate`: ``method``, ``start_feed``,
@@ -244,7 +246,7 @@ def plan_and_check(
     >>> plan_and_check("butterfly-nurbs", "mill").ok
     True
     """
-    job = load_job(source, machine, scale=scale, feed=feed, period=period, tolerance=tolerance)
+    job = load_job(source, machine, complete=complete, scale=scale, feed=feed, period=period, tolerance=tolerance)
     return job.run(progress, bound=bound, **options)
 
 
@@ -252,6 +254,7 @@ def load_job(
     source: str | Path | Curve,
     machine: str | Path | Limits | None = None,
     *,
+    complete: Mapping[str, float] | None = None,
     scale: float = 1.0,
     feed: float | None = None,
     period: float | None = None,
@@ -270,6 +273,8 @@ def load_job(
         The name or file of a curve, as :func:`planner.load_curve` takes it, a part program, or a curve.
     machine : str, Path or Limits, optional
         A machine file or an example machine, or limits; left out, the example that has the curve's axes.
+    complete : mapping of str to float, optional
+        Limits for the axes that the machine file has none for, as for :func:`planner.load_limits`.
     scale : float
         Multiplies the linear axes; of a curve by name or from a file of one.
     feed : float, optional
@@ -298,27 +303,34 @@ def load_job(
 
     tolerance = _positive(tolerance)
     if not isinstance(source, Curve) and is_program(source):
-        limits, named = load_machine(machine)
-        limits = _changed(limits, feed, period)
+        found, named = load_machine(machine, complete=complete)
+        limits = _changed(found.limits, feed, period)
         return Job.of(
             program_curve(source, scale, limits, tolerance, share, notice, tools=tools, ignore=ignore, reader=reader),
             limits,
             named,
         )
-    found = plain_curve(source, scale, tolerance, share)
-    limits, named = load_machine(machine, "five-axis" if ROTARY_AXES & set(found.curve.axes) else "mill")
-    return Job.of(found, _changed(limits.for_curve(found.curve), feed, period), named)
+    made = plain_curve(source, scale, tolerance, share)
+    example = "five-axis" if ROTARY_AXES & set(made.curve.axes) else "mill"
+    found, named = load_machine(machine, example, complete=complete)
+    return Job.of(made, _changed(found.limits.for_curve(made.curve), feed, period), named)
 
 
-def load_machine(machine: str | Path | Limits | None, example: str = "mill") -> tuple[Limits, str]:
-    """Load the limits of a machine, or of an example where none is given; with them comes what to call it."""
-    from planner import Limits, load_limits
+def load_machine(
+    machine: str | Path | Limits | None, example: str = "mill", *, complete: Mapping[str, float] | None = None
+) -> tuple[Machine, str]:
+    """Load a machine, or an example where none is given; with it comes what to call it, and what to know of its limits."""
+    from planner import Limits
+    from planner.machine.machine_file import read_machine
+    from planner.machine.machine_table import Machine
 
-    if machine is None:
-        return load_limits(example), f"{example} (example machine)"
     if isinstance(machine, Limits):
-        return machine, GIVEN
-    return load_limits(machine), str(machine)
+        if complete:
+            raise InputError(f"{', '.join(complete)}: completes a machine file; limits are given whole")
+        return Machine(machine), GIVEN
+    found = read_machine(example if machine is None else machine, complete)
+    name = f"{example} (example machine)" if machine is None else str(machine)
+    return found, f"{name} ({'; '.join(found.notes)})" if found.notes else name
 
 
 def load_job_of_table(
@@ -326,6 +338,7 @@ def load_job_of_table(
     source: str | Path | Curve,
     machine: str | Path | Limits | None = None,
     *,
+    complete: Mapping[str, float] | None = None,
     scale: float = 1.0,
     tolerance: float | None = None,
     tools: str | Path | None = None,
@@ -359,9 +372,11 @@ def load_job_of_table(
     else:
         found = plain_curve(source, scale, tolerance, said.share)
     if machine is None:
+        if complete:
+            raise InputError(f"{', '.join(complete)}: completes a machine file; the limits are those of {table}")
         return Job.of(found, own, f"limits in {table}")
-    limits, named = load_machine(machine)
-    return Job.of(found, limits, named)
+    on, named = load_machine(machine, complete=complete)
+    return Job.of(found, on.limits, named)
 
 
 def _positive(tolerance: float | None) -> float | None:

@@ -25,6 +25,7 @@ ELSEWHERE = {
     "geometry/test_catalog.py": ("planner.data",),
     "geometry/test_curve.py": ("planner.geometry.continuity", "planner.geometry.fit"),
     "geometry/test_drawing.py": ("planner.geometry.points",),
+    "machine/test_machine_toml.py": ("planner.machine.program_setup",),
     "interp/literature/test_greedy.py": ("interp.literature.greedy_published", "interp.literature.greedy_setup"),
     "output/test_certificate_file.py": ("planner.certificate",),
     "output/test_plots.py": ("planner.output.figures", "planner.output.panel_choice", "planner.output.plan_panels"),

@@ -64,6 +64,10 @@ M5
 M2
 %
 """
+PRINTER_CFG = (
+    "[printer]\nkinematics: corexy\nmax_velocity: 250 # mm/s\nmax_accel = 2500\nmax_z_accel: 12\n[include *.no]\n"
+)
+GRBL_SETTINGS = "$11=0.010\n$110=6000.000 (x max rate)\n$111=6000.000\n$120=350.000\n$121=350.000\n$130=300.000\nok\n"
 MACHINE_INI = """\
 [EMC]
 MACHINE = test
@@ -225,6 +229,8 @@ KINDS = {
     "machine.ini": Kind(".ini", MACHINE_INI.encode, load_limits),
     "table.csv": Kind(".csv", lambda: _table(".csv")[0], read_one_table),
     "table.npz": Kind(".npz", lambda: _table(".npz")[0], read_one_table, text=False),
+    "machine.cfg": Kind(".cfg", PRINTER_CFG.encode, load_limits),
+    "machine.txt": Kind(".txt", GRBL_SETTINGS.encode, load_limits),
 }
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from planner import Limits, load_curve, plan_feedrate
-from planner.machine.machine_file import file_key
+from planner.machine.machine_toml import file_key
 from planner.quantity import AXIS, FEED, PATH, QUANTITIES, TANGENTIAL, limit_names, motion_names, with_label
 
 ROOT = Path(__file__).resolve().parents[1]

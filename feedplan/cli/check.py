@@ -29,6 +29,7 @@ def check(
     curve: str,
     *,
     machine: str | None,
+    complete: dict[str, float],
     tolerance_mm: float | None,
     tools: Path | None,
     ignore: tuple[str, ...],
@@ -48,7 +49,15 @@ def check(
 
         table, curve = at.table(table), at.curve(curve)
         job = load_job_of_table(
-            table, curve, machine, scale=scale, tolerance=tolerance_mm, tools=tools, ignore=ignore, reader=reader
+            table,
+            curve,
+            machine,
+            complete=complete,
+            scale=scale,
+            tolerance=tolerance_mm,
+            tools=tools,
+            ignore=ignore,
+            reader=reader,
         )
         with ProgressLine() as line:
             line("reading the table")

@@ -67,6 +67,7 @@ def compare(
     curve: str,
     *,
     machine: str | None,
+    complete: dict[str, float],
     scale: float,
     feed_mm_s: float | None,
     period_s: float | None,
@@ -93,7 +94,16 @@ def compare(
         from planner.output.panel_choice import COMPARISON_PANELS, PAGE_MM
 
         drawing = require_figure(plot, panels, width_mm, COMPARISON_PANELS)
-        job = load_job(curve, machine, scale=scale, feed=feed_mm_s, period=period_s, reader=reader, notice=notice)
+        job = load_job(
+            curve,
+            machine,
+            complete=complete,
+            scale=scale,
+            feed=feed_mm_s,
+            period=period_s,
+            reader=reader,
+            notice=notice,
+        )
         from feedplan.comparison import compare as compare_methods
         from feedplan.progress import ProgressLine
 

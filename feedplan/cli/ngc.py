@@ -47,6 +47,7 @@ def ngc(
     *,
     output: Path,
     machine: str | None,
+    complete: dict[str, float],
     table: Path | None,
     tolerance_mm: float | None,
     tools: Path | None,
@@ -69,12 +70,14 @@ def ngc(
         written_to = at.output(output, ".ngc") or output
         require_apart([written_to], [curve, machine, table])
         require_writable(written_to)
-        if table is not None and (machine is not None or feed_mm_s is not None):
-            raise InputError("--table brings its own limits; leave --machine and --feed-mm-s out")
+        if table is not None and (machine is not None or feed_mm_s is not None or complete):
+            given = [f"--{key.replace('_', '-')}" for key in ("machine", "feed_mm_s", *complete)]
+            raise InputError(f"--table brings its own limits; leave {', '.join(given[:-1])} and {given[-1]} out")
         if table is None:
             job = load_job(
                 curve,
                 machine,
+                complete=complete,
                 scale=scale,
                 feed=feed_mm_s,
                 tolerance=tolerance_mm,

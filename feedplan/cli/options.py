@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import functools
 import json
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import click
 from click.shell_completion import CompletionItem
@@ -11,6 +14,7 @@ from click.shell_completion import CompletionItem
 from planner.data import FOLDER, data_text
 from planner.files.formats import ANY_COLUMN_FORMAT
 
+_COMPLETED = (("velocity", "s"), ("acceleration", "s2"), ("jerk", "s3"))
 FILE = click.Path(path_type=Path)
 """Type of a file; what is wrong with it is said where it is opened."""
 
@@ -40,12 +44,32 @@ table = click.argument(
     "table", metavar="TABLE", type=FILE, help=f'Feedrate table, {ANY_COLUMN_FORMAT}; "-" is standard input.'
 )
 program = click.argument("program", metavar="PROGRAM", type=click.Path(), help="Part program, .ngc.")
-machine = click.option(
+_machine = click.option(
     "--machine",
     metavar="FILE",
-    help="Machine file, .toml or .ini, or an example machine.",
+    help="Machine file (.toml; .ini of LinuxCNC, .cfg of Klipper, $$ of GRBL), or an example machine.",
     shell_complete=lambda _context, _parameter, incomplete: _or_files(machine_names(incomplete), incomplete),
 )
+_COMPLETIONS = tuple(f"{key}_{unit}_{time}" for unit in ("mm", "rad") for key, time in _COMPLETED)
+"""As :data:`planner.machine.machine_table.COMPLETIONS`, which takes numpy to load."""
+
+
+def machine(command: Callable[..., None]) -> Callable[..., None]:
+    """The machine, and ``complete``: limits for the axes that its file has none for, by their keys."""
+
+    @functools.wraps(command)
+    def with_completions(**values: Any) -> None:
+        given = {key: values.pop(key) for key in _COMPLETIONS}
+        command(**values, complete={key: value for key, value in given.items() if value is not None})
+
+    for key in reversed(_COMPLETIONS):
+        quantity = key.partition("_")[0].capitalize()
+        which = "that turn and have" if "_rad_" in key else "that have"
+        said = f"{quantity} limit of axes {which} none in the machine file."
+        with_completions = click.option(f"--{key.replace('_', '-')}", type=float, help=said)(with_completions)
+    return _machine(with_completions)
+
+
 scale = click.option("--scale", type=float, default=1.0, help="Multiplies the linear axes of the curve.")
 tolerance = click.option(
     "--tolerance-mm",

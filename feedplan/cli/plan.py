@@ -85,6 +85,7 @@ def plan(
     curve: str,
     *,
     machine: str | None,
+    complete: dict[str, float],
     method: MethodName,
     feed_mm_s: float | None,
     scale: float,
@@ -132,6 +133,7 @@ def plan(
         job = load_job(
             curve,
             machine,
+            complete=complete,
             scale=scale,
             feed=feed_mm_s,
             period=period_s,

@@ -36,6 +36,7 @@ def report(
     *,
     output: Path,
     machine: str | None,
+    complete: dict[str, float],
     scale: float,
     tolerance_mm: float | None,
     tools: Path | None,
@@ -58,7 +59,15 @@ def report(
         from planner import read_table
 
         job = load_job_of_table(
-            table, curve, machine, scale=scale, tolerance=tolerance_mm, tools=tools, ignore=ignore, reader=reader
+            table,
+            curve,
+            machine,
+            complete=complete,
+            scale=scale,
+            tolerance=tolerance_mm,
+            tools=tools,
+            ignore=ignore,
+            reader=reader,
         )
         with ProgressLine() as line:
             line("reading the table")

@@ -46,6 +46,7 @@ def time(
     program: str,
     *,
     machine: str | None,
+    complete: dict[str, float],
     tolerance_mm: float | None,
     tools: Path | None,
     ignore: tuple[str, ...],
@@ -68,6 +69,7 @@ def time(
         job = load_job(
             program,
             machine,
+            complete=complete,
             feed=feed_mm_s,
             tolerance=tolerance_mm,
             tools=tools,

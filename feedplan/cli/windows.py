@@ -51,6 +51,7 @@ def windows(
     *,
     output: Path,
     machine: str | None,
+    complete: dict[str, float],
     tolerance_mm: float | None,
     tools: Path | None,
     ignore: tuple[str, ...],
@@ -69,8 +70,8 @@ def windows(
     from planner.programs.long.windows import plan_program
     from planner.programs.source import program_of
 
-    limits, name = load_machine(machine)
-    limits = limits if feed_mm_s is None else limits.with_feed(feed_mm_s)
+    found, name = load_machine(machine, complete=complete)
+    limits = found.limits if feed_mm_s is None else found.limits.with_feed(feed_mm_s)
     began = time.perf_counter()
     with ProgressLine() as line:
         line("reading the program", None)

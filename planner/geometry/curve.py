@@ -345,6 +345,8 @@ def axis_names(
         Naming ``where``, the names and what is allowed.
     """
     if axes is None:
+        if count > len(DEFAULT_AXES):
+            raise error(f"{where}: {count} axes need their names, out of {' '.join(AXES)}")
         return DEFAULT_AXES[:count]
     names = tuple(axes) if isinstance(axes, Sequence) else ()
     if not all(isinstance(axis, str) and axis in AXES for axis in names) or len(set(names)) != len(names) or not names:

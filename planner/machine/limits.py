@@ -11,13 +11,13 @@ from numpy.typing import ArrayLike
 
 from planner.errors import InputError
 from planner.frames import escaped
-from planner.geometry.curve import ROTARY_AXES, Curve, axis_names
+from planner.geometry.curve import AXES, ROTARY_AXES, Curve, axis_names
 from planner.inputs import numbers, positive_number, require_instance
 from planner.quantity import AXIS, CHORD_ERROR, FEED, PATH, QUANTITIES, TANGENTIAL, Quantity
 from planner.types import FloatArray
 
 DEFAULT_PERIOD = 1e-3  # of a controller, s
-_MAX_AXES = 6
+_MAX_AXES = len(AXES)
 _WIDTH = 100  # characters of a line of the repr
 # What besides the quantities is one number: the period (s), and the feed of rapids (mm/s).
 PERIOD, RAPID = "period", "rapid"

@@ -26,7 +26,7 @@ from planner.geometry.curve import ROTARY_AXES, Curve
 from planner.inputs import require_instance, shorten
 from planner.law import TimeLaw
 from planner.machine.limits import RAPID, SCALARS, Limits, require_limits
-from planner.machine.machine_file import file_key
+from planner.machine.machine_toml import file_key
 from planner.origin import Origin
 from planner.output.table_header import (
     OPTIONAL_KEYS,

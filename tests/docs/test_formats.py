@@ -21,7 +21,7 @@ from feedplan.cli import app
 from planner import load_curve, load_limits, plan_feedrate, write_table
 from planner.errors import InputError
 from planner.geometry import catalog
-from planner.machine.machine_file import HEAD_KEYS, axis_keys
+from planner.machine.machine_toml import HEAD_KEYS, LENGTHS, PROGRAM_KEYS, axis_keys, unit_keys
 from planner.output.table import _KEYS
 from planner.output.table_header import OPTIONAL_KEYS
 from planner.plan import Method
@@ -234,6 +234,39 @@ def test_every_key_of_an_ini_file_counts(tmp_path):
         with suppress(InputError):  # it is needed
             assert load_limits(file) != whole, f"{section}{line} changes nothing"
     assert shown == set(names("format-machine", "ini"))
+
+
+def test_units_and_the_table_of_programs():
+    """Every unit of a key is listed, and every key of the table in its first unit."""
+    assert names("format-machine", "units") == [unit for units in LENGTHS.values() for unit in units]
+    for unit, example in rows("format-machine", "units"):
+        for key in re.findall(r"`(\w+)`", example):
+            assert f"_{unit}" in key
+            assert key in {
+                other for known in (*HEAD_KEYS, *axis_keys("mm"), *axis_keys("rad")) for other in unit_keys(known)
+            }
+    stems = {key.rpartition("_")[0] or key for key in PROGRAM_KEYS}
+    assert {key.removesuffix("_mm") for key in names("format-machine", "program")} == stems
+
+
+@pytest.mark.parametrize(
+    ("table", "file", "own"),
+    [("klipper", "printer.cfg", {"square_corner_velocity"}), ("grbl", "grbl.txt", {"$11", "$800"})],
+)
+def test_every_key_of_a_controller_counts(tmp_path, table, file, own):
+    """The block of the page has the keys of the list, and each of them but those that are only said changes the limits."""
+    text = next(block.text for block in blocks(DOCS / "format-machine.md") if block.remark == f"file: {file}")
+    lines = text.splitlines(keepends=True)
+    shown = {}
+    for k, line in enumerate(lines):
+        shown[re.split("[:=]", line)[0]] = "".join([*lines[:k], *lines[k + 1 :]])
+    path = tmp_path / file
+    path.write_text(text)
+    whole = load_limits(path)
+    for key in set(names("format-machine", table)) - own:
+        path.write_text(shown[key])
+        with suppress(InputError):
+            assert load_limits(path) != whole, f"{key} changes nothing"
 
 
 def test_words_of_a_program():

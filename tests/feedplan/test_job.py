@@ -125,6 +125,38 @@ class TestLoadJob:
             job.line_times(job.plan(**QUICK))
 
 
+class TestMachines:
+    """What a machine file lacks is given beside it, and said."""
+
+    @pytest.fixture
+    def printer(self, tmp_path):
+        path = tmp_path / "printer.cfg"
+        path.write_text("[printer]\nmax_velocity: 100\nmax_accel: 1000\n")
+        return path
+
+    def test_what_is_given_counts_and_is_said(self, printer):
+        bare = load_job("teardrop", printer)
+        assert bare.machine == f"{printer} (no jerk limit on X Y Z)"
+        job = load_job("teardrop", printer, complete={"jerk_mm_s3": 20000.0})
+        assert job.machine == f"{printer} (jerk 20000 mm/s^3 given for X Y Z)"
+        assert job.limits.jerk.tolist() == [20000.0, 20000.0]
+
+    def test_it_counts_beside_a_table_too(self, printer, tmp_path, verdict):
+        write_table(tmp_path / "table.csv", verdict.profile, verdict.limits)
+        job = load_job_of_table(tmp_path / "table.csv", "teardrop", printer, complete={"jerk_mm_s3": 9.0})
+        assert job.limits.jerk.tolist() == [9.0, 9.0]
+
+    def test_only_a_file_is_completed(self, tmp_path, verdict):
+        write_table(tmp_path / "table.csv", verdict.profile, verdict.limits)
+        given = {"jerk_mm_s3": 9.0}
+        with pytest.raises(InputError, match="jerk_mm_s3: completes a machine file; limits are given whole"):
+            load_job("teardrop", verdict.limits, complete=given)
+        with pytest.raises(InputError, match=r"the limits are those of .*table\.csv"):
+            load_job_of_table(tmp_path / "table.csv", "teardrop", complete=given)
+        with pytest.raises(InputError, match="mill: jerk_mm_s3 = 9 completes what the file lacks, but it has jerk of"):
+            load_job("teardrop", complete=given)
+
+
 class TestLoadJobOfTable:
     @pytest.mark.parametrize("source", ["teardrop", load_curve("teardrop")], ids=["name", "curve"])
     def test_the_tables_own_limits_count(self, tmp_path, verdict, source):

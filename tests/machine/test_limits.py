@@ -141,9 +141,16 @@ class TestLimits:
         ]
         assert rows[5][2].startswith("800 rad/s^2")
 
-    def test_at_most_six_axes(self):
-        with pytest.raises(InputError, match="7 axes are given; at most 6"):
-            limits(velocity=np.ones(7), acceleration=np.ones(7), jerk=np.ones(7))
+    def test_at_most_nine_axes_and_more_than_six_by_name(self):
+        def of(count, **axes):
+            return limits(velocity=np.ones(count), acceleration=np.ones(count), jerk=np.ones(count), **axes)
+
+        assert of(9, axes=tuple("XYZABCUVW")).axes == tuple("XYZABCUVW")
+        assert of(6).axes == tuple("XYZUVW")
+        with pytest.raises(InputError, match="limits: 7 axes need their names, out of X Y Z A B C U V W"):
+            of(7)
+        with pytest.raises(InputError, match="10 axes are given; at most 9"):
+            of(10)
 
     @pytest.mark.parametrize("axes", [["X"], ["X", "X"], ["X", "Q"], ["X", 1], 5, ["x", "y"], ["X", "Y", "Z"]])
     def test_axes_are_different_known_names(self, axes):

@@ -8,8 +8,7 @@ from planner.geometry.curve import AXES
 from planner.machine.machine_file import load_limits
 
 POSITIVE = " must be a number > 0; leave the line out for no limit"
-INCLUDE = "(#INCLUDE is not followed)"
-UNITS = "mm, metric, in, inch, imperial"
+UNITS = "mm, metric, in, inch, imperial, or how many are a mm"
 MILL = """\
 # a three-axis mill
 [EMCMOT]
@@ -92,6 +91,63 @@ def test_rotary_axes(load, unit, factor):
     )
 
 
+@pytest.mark.parametrize(("unit", "factor"), [("1.0", 1.0), ("0.03937007874015748", 25.4), ("0.1", 10.0)])
+def test_units_as_a_number_say_how_many_are_a_mm(load, unit, factor):
+    limits = load(MILL.replace("LINEAR_UNITS = mm", f"LINEAR_UNITS = {unit}"))
+    assert limits.velocity.tolist() == pytest.approx([factor * v for v in (250, 240, 100)], rel=1e-15)
+
+
+def test_nine_axes_of_which_a_curve_takes_its_own(load):
+    lines = [f"[AXIS_{axis}]\nMAX_VELOCITY={10 + k}\nMAX_ACCELERATION={100 + k}\n" for k, axis in enumerate(AXES)]
+    limits = load(f"[TRAJ]\nCOORDINATES = {' '.join(AXES)}\nANGULAR_UNITS = rad\n" + "".join(lines))
+    assert limits.axes == AXES
+    assert limits.velocity.tolist() == list(range(10, 19))
+    chosen = limits.for_axes(("X", "Z", "C"), "a program")
+    assert (chosen.velocity.tolist(), chosen.acceleration.tolist()) == ([10, 12, 15], [100, 102, 105])
+
+
+def test_axes_had_numbers_before_version_2_8(load):
+    old = MILL.replace("[AXIS_X]", "[AXIS_0]").replace("[AXIS_Y]", "[AXIS_1]").replace("[AXIS_Z]", "[AXIS_2]")
+    old = old[: old.index("[JOINT_1]")]
+    assert load(old).velocity.tolist() == [250, 250, 100]
+
+
+def test_the_same_value_twice_is_no_contradiction(load):
+    assert load(MILL.replace("MAX_VELOCITY = 100\n", "MAX_VELOCITY = 100\nMAX_VELOCITY = 100\n")) == load(MILL)
+
+
+class TestIncludes:
+    @pytest.fixture
+    def parts(self, tmp_path):
+        """A machine in three files, in two folders."""
+        (tmp_path / "axes").mkdir()
+        head, _, rest = MILL.partition("[AXIS_X]")
+        x, _, yz = rest.partition("[AXIS_Y]")
+        (tmp_path / "machine.ini").write_text(head + "#INCLUDE axes/all.inc\n# and nothing else\n")
+        (tmp_path / "axes" / "all.inc").write_text("#INCLUDE x.inc\n[AXIS_Y]" + yz)
+        (tmp_path / "axes" / "x.inc").write_text("[AXIS_X]" + x)
+        return tmp_path
+
+    def test_the_lines_count_where_they_are_included(self, parts, load):
+        found = load_limits(parts / "machine.ini")
+        assert found == load(MILL)
+
+    def test_what_is_wrong_has_the_line_of_its_own_file(self, parts):
+        file = parts / "axes" / "x.inc"
+        file.write_text(file.read_text().replace("1000", "soon"))
+        with pytest.raises(InputError) as caught:
+            load_limits(parts / "machine.ini")
+        assert str(caught.value) == f"{file}:3: [AXIS_X]MAX_ACCELERATION = soon{POSITIVE}"
+
+    def test_a_key_twice_in_two_files(self, parts):
+        file = parts / "axes" / "all.inc"
+        file.write_text(file.read_text() + "[AXIS_X]\nMAX_VELOCITY = 3\n")
+        with pytest.raises(InputError) as caught:
+            load_limits(parts / "machine.ini")
+        first = f"first in line 2 of {parts / 'axes' / 'x.inc'}; leave one"
+        assert str(caught.value) == f"{file}:16: [AXIS_X]MAX_VELOCITY: is given twice, {first}"
+
+
 def test_the_trajectory_has_limits_of_its_own(load):
     given = "MAX_LINEAR_VELOCITY = 120\nMAX_LINEAR_ACCELERATION = 700\nMAX_LINEAR_JERK = 9000\n"
     limits = load(MILL.replace("MAX_LINEAR_VELOCITY = 200   ; of the tool\n", given))
@@ -121,7 +177,7 @@ def test_what_does_not_concern_limits_is_passed_over(load):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("COORDINATES = X Y Y Z", "", " [TRAJ]COORDINATES is missing; it names the axes, for example X Y Z " + INCLUDE),
+        ("COORDINATES = X Y Y Z", "", " [TRAJ]COORDINATES is missing; it names the axes, for example X Y Z"),
         (
             "COORDINATES = X Y Y Z",
             "COORDINATES = X Q",
@@ -134,7 +190,8 @@ def test_what_does_not_concern_limits_is_passed_over(load):
         (
             "MAX_VELOCITY = 100\n",
             "",
-            " [AXIS_Z]MAX_VELOCITY or [JOINT_3]MAX_VELOCITY is missing; axis Z needs it " + INCLUDE,
+            " [AXIS_Z]MAX_VELOCITY or [JOINT_3]MAX_VELOCITY is missing, velocity of axis Z; write it there, or give "
+            "velocity_mm_s (--velocity-mm-s)",
         ),
         (
             "MAX_VELOCITY = 100",

@@ -246,6 +246,10 @@ class TestTime:
         facts = strict_json(run("time", corners, "--machine", ini, "--json")[1])
         assert facts["motion_s"] == facts["without_jerk_limit_s"]
         assert "jerk limit none is set" in flat(run("time", corners, "--machine", ini)[1])
+        given = ("--jerk-mm-s3", "20000")
+        facts = strict_json(run("time", corners, "--machine", ini, *given, "--json")[1])
+        assert facts["jerk_limit_costs"] > 0.0
+        assert facts["machine"].startswith(f"{ini} (jerk 20000 mm/s^3 given for X")
 
 
 class TestNgc:
@@ -499,7 +503,10 @@ def test_an_empty_name_is_no_machine(run, corners, tmp_path, command):
         assert run("plan", corners, "-o", tmp_path / "table.csv")[0] == 0
     code, out, err = run(command, *options, "--machine", "")
     assert (code, out) == (2, "")
-    assert flat(err) == "error: machine '' must be a file, .toml or .ini, or an example machine: mill, five-axis"
+    assert flat(err) == (
+        "error: machine '' must be a file, .toml, the .ini of LinuxCNC, the .cfg of Klipper, or what a GRBL controller "
+        "answers to $$ (.txt), or an example machine: mill, five-axis"
+    )
     assert not output.exists()
 
 
