@@ -5,9 +5,9 @@ The solves before tell the time that is the coordinate of the next one (``time_m
 (``utilisation.py``), and what it uses too much is given back in four ways, the first that serves:
 
 1.  Where an interval is far too coarse it is halved, and the map is renewed from the law at hand.
-2.  Where it uses a little more than its limits, these are tightened there by as much or half as much again, and by half of
-    that in the interval on either side, where the plan would otherwise seek what it gives up.  The next solve begins where
-    the last one came through (``Waypoint``) and takes half of its iterations; two or three rounds serve.  Later ones, which
+2.  Where it uses a little more than its limits, these are tightened there by as much or half as much again, and by parts of
+    that in two intervals on either side, where the plan would otherwise seek what it gives up.  The next solve begins where
+    the last one came through (``Waypoint``) and takes half of its iterations; one or two rounds serve.  Later ones, which
     long paths need for a few places, tighten by twice as much each.
 3.  Where intervals are as short as nodes may be, or refining did not help, the speed is held in them; so it is where the
     true chord error is too large.
@@ -56,8 +56,9 @@ _TO_TELL = 8.0
 # Where the number of intervals is free: so many for a change of the jerk by its limit, by the points inside one, and at most
 # so many times the usual.
 _PER_CHANGE, _MAX_FOR_CHANGES = {1: 24.0, 3: 15.0}, 4
-# A plan that needs more slowing down than this at the end is refined first.
-_ACCEPTED_SLOWDOWN = 1.000002
+# A plan that needs more slowing down than this at the end is refined first; and than this share of what the first on its
+# grid needed, up to the third: the grid itself keeps a plan further from the optimum than that.
+_ACCEPTED, _ACCEPTED_SHARE, _MOST_ACCEPTED = 2e-6, 0.02, 1e-5
 _MAX_ROUNDS, _CHORD_ROUNDS = 12, 16
 # Intervals times iterations of all rounds, at most: some seconds.
 _MAX_WORK, _WORK_PER_INTERVAL, _USUAL_ITERATIONS = 2_000_000, 1200, 60
@@ -211,11 +212,12 @@ def _refined(task: Task, effort: Effort, most: int, *, follow: bool, patient: bo
     """
     wanted = effort.intervals
     stage, attempt, spent = first_stage(task, effort, most, follow=follow)
-    first, work, slowdown = 0.0, 0, np.inf
+    first, work, slowdown, accepted = 0.0, 0, np.inf, _ACCEPTED
     most_work = max(_MAX_WORK, _WORK_PER_INTERVAL * wanted)
     notes: tuple[str, ...] = ()
     found: Outcome | None = None
     for number in range(_MAX_ROUNDS):
+        on_new_grid = attempt.waypoint is None
         try:
             attempt = stage.solve(task, attempt)
             this = Round.of(task, number, stage, attempt)
@@ -229,7 +231,9 @@ def _refined(task: Task, effort: Effort, most: int, *, follow: bool, patient: bo
         if found is None or this.is_better_than(found.best, task):
             found = Outcome(task, this, stage, attempt, spent, first, ())
         work += stage.grid.intervals * attempt.work.iterations
-        if this.is_accepted(task) or work > most_work:
+        if on_new_grid:
+            accepted = float(np.clip(_ACCEPTED_SHARE * (this.slowdown - 1.0), _ACCEPTED, _MOST_ACCEPTED))
+        if this.is_accepted(task, accepted) or work > most_work:
             break
         if not patient and stage.problem.inner == task.inner and not (this.forward and this.slowdown <= TOO_COARSE):
             break
@@ -333,9 +337,9 @@ class Round:
             return self.slowdown < other.slowdown
         return bool(self.law.t[-1] < other.law.t[-1])
 
-    def is_accepted(self, task: Task) -> bool:
-        """It keeps its limits as it is, or nearly so where it may be slowed down."""
-        return self.forward and self.slowdown <= (_MET if task.prescribed else _ACCEPTED_SLOWDOWN)
+    def is_accepted(self, task: Task, accepted: float) -> bool:
+        """It keeps its limits as it is, or up to so much slowing down where it may be slowed down."""
+        return self.forward and self.slowdown <= (_MET if task.prescribed else 1.0 + accepted)
 
     def is_too_coarse(self, effort: Effort) -> bool:
         """The grid should be refined rather than the limits tightened."""

@@ -45,9 +45,9 @@ WORTH_SAYING = 1.001
 TIGHTENING_ROUNDS = 5
 _PROGRESS = 0.99  # of the slowing down, from round to round: less than that is none
 _MARGIN_STEP = 2e-5
-# Of the excess of an interval, by which its limits are tightened: by the points inside it, and in the intervals beside it.
-# Between midpoints a plan takes back more than between three points.
-_GAIN, _NEIGHBOUR = {1: 1.5, 3: 1.0}, 0.5
+# Of the excess of an interval, by which its limits are tightened, and of that in the first and second interval beside it, by
+# the points inside one.  Between midpoints a plan takes back more than between three points.
+_GAIN, _BESIDE = {1: 1.5, 3: 1.0}, {1: (0.7, 0.35), 3: (0.5, 0.25)}
 _PRESCRIBED_MARGIN = 2e-6
 _CONTINUED_GAIN = 2.0
 # From the third round on by so many times more each time: few places are left then, and a round costs a solve of all.
@@ -77,17 +77,22 @@ class Task:
         return self.section.has_prescribed_feed
 
 
-def _margins(shares: Sequence[FloatArray], inner: int, gain: float) -> tuple[FloatArray, ...]:
+def _margins(shares: Sequence[FloatArray], full: NDArray[np.bool_], inner: int, gain: float) -> tuple[FloatArray, ...]:
     """By how much to tighten speed, acceleration and jerk limits at each point where a plan used too much of them.
 
-    ``shares``: of each, used in every interval (n - 1,); ``inner``: points in one; ``gain``: times the excess.
+    ``shares``: of each, used in every interval (n - 1,); ``full``: those that are not empty; ``inner``: points in one;
+    ``gain``: times the excess.
     """
     margins = []
     for share in shares:
-        excess = np.where(share > 1.0, (1.0 + gain * (share - 1.0)) * (1.0 + _MARGIN_STEP), 1.0)
-        beside = 1.0 + _NEIGHBOUR * (excess - 1.0)
-        excess[1:] = np.maximum(excess[1:], beside[:-1])
-        excess[:-1] = np.maximum(excess[:-1], beside[1:])
+        own = np.maximum(share[full] - 1.0, 0.0)
+        own[own > 0.0] = gain * own[own > 0.0] * (1.0 + _MARGIN_STEP) + _MARGIN_STEP
+        most = own.copy()
+        for away, part in enumerate(_BESIDE[inner], start=1):
+            most[away:] = np.maximum(most[away:], part * own[:-away])
+            most[:-away] = np.maximum(most[:-away], part * own[away:])
+        excess = np.ones(share.size)
+        excess[full] += most
         at = np.ones((inner + 1) * excess.size + 1)
         at[:-1] = np.repeat(excess, inner + 1)
         at[inner + 1 :: inner + 1] = np.maximum(at[inner + 1 :: inner + 1], excess)
@@ -297,7 +302,9 @@ class Stage:
         gain = _CONTINUED_GAIN if task.prescribed and task.section.reserve else _GAIN[self.problem.inner]
         gain *= _GAIN_GROWTH ** max(0, number - 1)
         shares = [self.by_interval(share) for share in (used.speed, used.acceleration, used.jerk)]
-        tighter = replace(self, problem=_tightened(self.problem, *_margins(shares, self.problem.inner, gain)))
+        tighter = replace(
+            self, problem=_tightened(self.problem, *_margins(shares, self._full, self.problem.inner, gain))
+        )
         return tighter, replace(attempt, waypoint=None) if task.prescribed else attempt
 
     def slower(

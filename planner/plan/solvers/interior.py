@@ -69,7 +69,8 @@ _HOPE = 2.0  # weight of the hoped-for gain in the centring
 _WATCHED_WORK = 200_000  # points times iterations between looks at the clock
 # Slacks at the start are at least this much of a bound, and the start of a warm one is slowed down to this share of it.
 _MIN_SLACK, _MIN_WARM_SLACK, _WARM_INSIDE = 0.05, 1e-6, 0.9999
-_WAYPOINT_GAP = 1e-3
+# Relative gap of the waypoint, and of that of a solve which began at one: the next problem differs by less still.
+_WAYPOINT_GAP, _NEXT_WAYPOINT_GAP = 1e-3, 3e-4
 _NO_CAP = 1e300
 _NO_BOUND = 1e9  # of a scaled row, in place of inf: the barrier of a bound so far away is flat
 
@@ -250,8 +251,9 @@ def solve_interior(
     at_once = max(1, _WATCHED_WORK // problem.cap.size) if watched else _MAX_ITERATIONS
     status: Status | None = None
     waypoint: Waypoint | None = None
+    way_gap = _NEXT_WAYPOINT_GAP if isinstance(start, Waypoint) else _WAYPOINT_GAP
     while status is None:
-        goal = tolerance if waypoint else max(tolerance, _WAYPOINT_GAP)
+        goal = tolerance if waypoint else max(tolerance, way_gap)
         status = it.run(goal, min(at_once, _MAX_ITERATIONS - int(it.iterations[0])))
         if status is Status.OPTIMAL and goal > tolerance:
             waypoint = it.waypoint()
