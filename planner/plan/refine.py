@@ -58,7 +58,7 @@ _TO_TELL = 8.0
 _PER_CHANGE, _MAX_FOR_CHANGES = {1: 24.0, 3: 15.0}, 4
 # A plan that needs more slowing down than this at the end is refined first; and than this share of what the first on its
 # grid needed, up to the third: the grid itself keeps a plan further from the optimum than that.
-_ACCEPTED, _ACCEPTED_SHARE, _MOST_ACCEPTED = 2e-6, 0.02, 1e-5
+_ACCEPTED, _ACCEPTED_SHARE, _MAX_ACCEPTED = 2e-6, 0.02, 1e-5
 _MAX_ROUNDS, _CHORD_ROUNDS = 12, 16
 # Intervals times iterations of all rounds, at most: some seconds.
 _MAX_WORK, _WORK_PER_INTERVAL, _USUAL_ITERATIONS = 2_000_000, 1200, 60
@@ -232,7 +232,7 @@ def _refined(task: Task, effort: Effort, most: int, *, follow: bool, patient: bo
             found = Outcome(task, this, stage, attempt, spent, first, ())
         work += stage.grid.intervals * attempt.work.iterations
         if on_new_grid:
-            accepted = float(np.clip(_ACCEPTED_SHARE * (this.slowdown - 1.0), _ACCEPTED, _MOST_ACCEPTED))
+            accepted = float(np.clip(_ACCEPTED_SHARE * (this.slowdown - 1.0), _ACCEPTED, _MAX_ACCEPTED))
         if this.is_accepted(task, accepted) or work > most_work:
             break
         if not patient and stage.problem.inner == task.inner and not (this.forward and this.slowdown <= TOO_COARSE):
