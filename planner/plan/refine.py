@@ -45,17 +45,19 @@ from planner.types import Progress
 DEFAULT_INTERVALS = 1000
 MIN_INTERVALS = 24
 _MIN_INTERVALS = 200  # of one section among several
-# How many times coarser than the grid that is asked for that of the even solve is.  That of the guess is not, and its macros
-# are short, and its solve begins close to the guess: or programs of short lines end in local optima up to 8 % slower.
-_COARSER_EVEN = 2
-# Intervals to a macro of the guess, at least in all, and relative gaps of the coarse solves.
-_PER_GUESSED, _MIN_COARSE = 4, 200
+# How many times coarser than the grid that is asked for those of the guess and of the even solve are.  On a path with blends
+# that of the guess is not, and its macros are short, and its solve begins close to the guess: or programs of short lines end
+# in local optima up to 8 % slower.
+_COARSER_GUESS, _COARSER_EVEN = 4, 2
+# Intervals to a macro of the guess, and with blends; in all at least the first, up to the second as many as asked for; and
+# relative gaps of the coarse solves.
+_PER_GUESSED, _PER_GUESSED_BLENDS, _MIN_COARSE = 2, 4, (200, 300)
 _COARSE_GAP, _EVEN_GAP = 1e-2, 1e-4
 # Where the even grid has fewer intervals than this for a change of the jerk by its limit, it cannot tell the switches apart.
 _TO_TELL = 8.0
 # Where the number of intervals is free: so many for a change of the jerk by its limit, by the points inside one, and at most
 # so many times the usual.
-_PER_CHANGE, _MAX_FOR_CHANGES = {1: 24.0, 3: 15.0}, 4
+_PER_CHANGE, _MAX_FOR_CHANGES = {1: 26.0, 3: 15.0}, 4
 # A plan that needs more slowing down than this at the end is refined first; and than this share of what the first on its
 # grid needed, up to the third: the grid itself keeps a plan further from the optimum than that.
 _ACCEPTED, _ACCEPTED_SHARE, _MAX_ACCEPTED = 2e-6, 0.02, 1e-5
@@ -231,7 +233,7 @@ def _refined(task: Task, effort: Effort, most: int, *, follow: bool, patient: bo
         if found is None or this.is_better_than(found.best, task):
             found = Outcome(task, this, stage, attempt, spent, first, ())
         work += stage.grid.intervals * attempt.work.iterations
-        if on_new_grid:
+        if on_new_grid and effort.free:
             accepted = float(np.clip(_ACCEPTED_SHARE * (this.slowdown - 1.0), _ACCEPTED, _MAX_ACCEPTED))
         if this.is_accepted(task, accepted) or work > most_work:
             break
@@ -374,16 +376,15 @@ def first_stage(task: Task, effort: Effort, most: int, *, follow: bool) -> tuple
             follow=follow,
         )
 
-    count = max(_MIN_COARSE, wanted) // _PER_GUESSED
+    needed = section.curve.intervals_needed(section.u_start, section.u_end)
+    parts = _PER_GUESSED_BLENDS if needed else _PER_GUESSED
+    least = int(np.clip(wanted, *_MIN_COARSE))
+    count = max(least, wanted if needed else wanted // _COARSER_GUESS) // parts
     on = TimeMap.from_guess(section, task.limits, task.guess, breaks_inside(section), count)
-    stage = Stage.on(task, TimeGrid.even(on, _PER_GUESSED))
+    stage = Stage.on(task, TimeGrid.even(on, parts))
     attempt = stage.solve(task, None, _COARSE_GAP)
     spent = attempt.work.solve_cpu_s
-    between = max(
-        _MIN_COARSE,
-        wanted // _COARSER_EVEN,
-        min(2 * wanted, section.curve.intervals_needed(section.u_start, section.u_end)),
-    )
+    between = max(least, wanted // _COARSER_EVEN, min(2 * wanted, needed))
     stage = Stage.on(task, placed(stage, attempt, between, even=True))
     attempt = stage.solve(task, replace(attempt, waypoint=None), _EVEN_GAP)
     spent += attempt.work.solve_cpu_s
