@@ -23,12 +23,15 @@ from planner.machine.limits import Limits
 from planner.types import FloatArray
 from planner.verify.chords import CHORD_PARTS, profile_chord
 from planner.verify.motion import Motion, Quintics
+from planner.verify.scan import scan_spans
+from planner.verify.sizes import position_rounding
 
 MET_CHORD = 1.0 + 2e-7
 _MAX_PASSES = 24  # of one section
 _MAX_STEP = 3.0  # of the slowing down in one pass
 _BEYOND = 1e-6
 _MAX_POINTS = 1_000_000
+_POINTS = 24  # of an interval, as many as the check has
 # Of the acceleration limits: a section that may be slowed down keeps them, but for a millionth.
 _ROOM = 2.0
 
@@ -62,11 +65,17 @@ def chord_shares(curve: Curve, limits: Limits, law: TimeLaw) -> tuple[FloatArray
     for k in range(1, parts):  # one by one, which bounds the memory
         height = np.maximum(height, distance_to_chord(windows[:, None, :, k], begin, end)[:, 0])
     shares = height / limits.chord_error
-    worst = profile_chord(Motion.of(curve, Quintics.of(law)), limits.period)[0] / limits.chord_error
+    worst = highest_chord(curve, limits, law)[0] / limits.chord_error
     shares *= max(1.0, worst / float(shares.max(initial=worst)))
     padded = np.pad(shares, parts, constant_values=0.0)
     covering = np.lib.stride_tricks.sliding_window_view(padded, parts + 1).max(axis=1)
     return np.asarray(times[: covering.size], dtype=np.float64), np.asarray(covering[: times.size], dtype=np.float64)
+
+
+def highest_chord(curve: Curve, limits: Limits, law: TimeLaw) -> tuple[float, tuple[float, float]]:
+    """Largest distance of the path from a chord of one period, mm, and where it is, as the check measures it."""
+    motion, rounding = Motion.of(curve, Quintics.of(law)), position_rounding(curve, np.clip(law.u, *curve.domain))
+    return profile_chord(motion, scan_spans(motion, _POINTS), limits.period, rounding)
 
 
 def slowed_for_chords(curve: Curve, limits: Limits, parts: list[TimeLaw], may_slow: NDArray[np.bool_]) -> FloatArray:
@@ -87,7 +96,7 @@ def slowed_for_chords(curve: Curve, limits: Limits, parts: list[TimeLaw], may_sl
     passes = np.zeros(len(parts), dtype=np.intp)
     while passes.max() < _MAX_PASSES:
         law = TimeLaw.joined([part.dilated(factor) for part, factor in zip(parts, factors, strict=True)])
-        worst, (t, _) = profile_chord(Motion.of(curve, Quintics.of(law)), limits.period)
+        worst, (t, _) = highest_chord(curve, limits, law)
         share = worst / limits.chord_error
         # A chord may begin in one section and end in the next.
         ends = np.cumsum([factor * part.t[-1] for part, factor in zip(parts, factors, strict=True)])[:-1]

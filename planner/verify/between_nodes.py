@@ -45,8 +45,8 @@ def check_profile(curve: Curve, limits: Limits, profile: FeedrateProfile, densit
             rows.add(name, worst, allowed[name, j], place, slack=slack)
     if curve.feed_caps is not None:
         rows.add("programmed feed", *feed_under(motion, scan, curve.feed_caps, density))
-    worst, place = profile_chord(motion, limits.period)
     rounding = position_rounding(curve, np.clip(profile.u, *curve.domain))
+    worst, place = profile_chord(motion, scan, limits.period, rounding)
     rows.add("chord error", worst, limits.chord_error, place, slack=rounding)
     check_steps(motion, scan, limits, rows, density)
     check_corners(motion, scan, limits, rows)

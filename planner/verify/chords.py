@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,106 +12,132 @@ from planner.geometry.curve import Curve
 from planner.geometry.differential import norm
 from planner.samples import Samples
 from planner.types import FloatArray, IntArray
+from planner.verify.chordbounds import chord_bounds
 from planner.verify.findings import Place
 from planner.verify.motion import Motion, Quintics
-from planner.verify.peaks import CANDIDATES, Highest, chunks, zoom
+from planner.verify.peaks import CANDIDATES, Highest, chunk_size, chunks, zoom
+from planner.verify.scan import Scan
 from planner.verify.sizes import LENGTH_ACCURACY
 
 # A period is looked at in sixteenths; chords start every fourth of them.
 CHORD_PARTS = 16
 _CHORD_STRIDE = 4
 _STARTS_PER_INTERVAL = 24
+_GROUP = 16  # chords that share points
+_FIRST_GROUPS = 8  # looked at first; twice as many each time, for after the first few mostly none are left
 # The highest chords are climbed in rounds over this many starts, and as many places on the chord.
 _CLIMB_ROUNDS, _CLIMB_POINTS = 12, 9
 _WORTH_A_LOOK = 1e-3  # of the chord error allowed
 
 
-def profile_chord(motion: Motion, period: float) -> tuple[float, Place]:
+@dataclass(frozen=True, eq=False)
+class _Chords:
+    """Chords of one period over a plan, in groups that share points, each chord with those that divide its period.
+
+    The starts are a fraction of the period apart; where a plan has far more periods than nodes they follow the nodes, as
+    nothing changes faster than between two of those.
+
+    Attributes
+    ----------
+    count : int
+        Groups.
+    each, stride : int
+        Chords of a group, and points from the start of one to that of the next.
+    """
+
+    law: Quintics
+    part: float
+    count: int
+    each: int
+    stride: int
+
+    @classmethod
+    def of(cls, law: Quintics, period: float, end: float) -> _Chords:
+        """Divide a plan."""
+        part = period / CHORD_PARTS
+        starts = int(np.ceil(end / (part * _CHORD_STRIDE)))
+        if starts <= _STARTS_PER_INTERVAL * law.h.size + CANDIDATES:
+            return cls(law, part, -(-starts // _GROUP), _GROUP, _CHORD_STRIDE)
+        return cls(law, part, law.h.size, _STARTS_PER_INTERVAL, CHORD_PARTS + 1)
+
+    def starts(self, index: IntArray) -> FloatArray:
+        """Where chords begin, s."""
+        if self.stride == _CHORD_STRIDE:
+            return np.asarray(index * _CHORD_STRIDE * self.part, dtype=np.float64)
+        interval, k = np.divmod(index, self.each)
+        return np.asarray(self.law.start[interval] + self.law.h[interval] * (k / self.each))
+
+    def windows(self) -> tuple[FloatArray, FloatArray]:
+        """Begin and end of each group."""
+        first = np.arange(self.count) * self.each
+        return self.starts(first), self.starts(first + self.each - 1) + CHORD_PARTS * self.part
+
+    def times(self, groups: IntArray) -> FloatArray:
+        """Times of the points of groups (m,), (m, points)."""
+        if self.stride == _CHORD_STRIDE:
+            points = (self.each - 1) * _CHORD_STRIDE + CHORD_PARTS + 1
+            return np.asarray((groups[:, None] * (self.each * _CHORD_STRIDE) + np.arange(points)) * self.part)
+        starts = self.starts(groups[:, None] * self.each + np.arange(self.each))
+        return np.asarray(starts[..., None] + self.part * np.arange(CHORD_PARTS + 1)).reshape(groups.size, -1)
+
+
+def profile_chord(motion: Motion, scan: Scan, period: float, rounding: float) -> tuple[float, Place]:
     """Largest distance between the tip's path and its chord of one period, over every start of the period.
 
-    The last point is held, so the last chords are shorter.
+    The last point is held, so the last chords are shorter.  Chords are looked at in groups, from that on which may be left
+    furthest, until no other may be among the highest.  ``rounding``: that of positions, mm.
     """
-    law, tip = motion.law, motion.curve.tip
-    u0, u1 = motion.curve.domain
+    law, (u0, u1) = motion.law, motion.curve.domain
     end = float(law.start[-1] + law.h[-1])
     period = min(period, end)
-
-    def position(t: FloatArray) -> FloatArray:
-        return np.asarray(tip.derivatives(law.parameters(t.reshape(-1), u0, u1), 0)[0].reshape(*t.shape, -1))
-
-    highest = Highest()
-    for starts, points, stride in _chords(law, position, period, end):
-        height, at = _heights(points, stride, CHORD_PARTS, starts.size)
-        highest.offer(height[None], at, starts[None])
-
-    start, share, heights = _climb_chords(position, highest.x[0], highest.index[0] / CHORD_PARTS, period, end)
+    chords = _Chords.of(law, period, end)
+    bound = chord_bounds(motion, scan, period, *chords.windows()) + 4.0 * rounding  # of a point and three of its chord
+    order = np.argsort(-bound, kind="stable")
+    highest, done, size = Highest(), 0, _FIRST_GROUPS
+    while done < chords.count and not bound[order[done]] < highest.least:
+        groups = np.sort(order[done : done + size])
+        u = law.parameters(chords.times(groups).reshape(-1), u0, u1)
+        points = motion.curve.tip.derivatives(u, 0)[0]
+        height, at = _heights(points, (groups.size, chords.each), chords.stride, CHORD_PARTS)
+        index = groups[:, None] * chords.each + np.arange(chords.each)
+        highest.offer(height.reshape(1, -1), index.reshape(-1), at.reshape(1, -1) / CHORD_PARTS)
+        done, size = done + size, min(2 * size, chunk_size(u.size // groups.size))
+    start, share, heights = _climb_chords(motion, chords.starts(highest.index[0]), highest.x[0], period)
     best = int(heights.argmax())
     t = min(float(start[best] + share[best] * period), end)
     return float(heights[best]), (t, float(law.parameters(np.array([t]), u0, u1)[0]))
 
 
-def _heights(points: FloatArray, stride: int, parts: int, count: int) -> tuple[FloatArray, IntArray]:
-    """Largest distance of each of ``count`` chords, from points[i stride] to parts after it, and its point."""
-    height, top, dim = np.empty(count), np.empty(count, dtype=np.intp), points.shape[1]
-    work = np.empty(points.size + 2 * (parts + 1))
-    core.chord_heights(count, dim, stride, parts, np.ascontiguousarray(points), height, top, work)
-    return height, top
+def _heights(points: FloatArray, shape: tuple[int, int], stride: int, parts: int) -> tuple[FloatArray, IntArray]:
+    """Largest distance of chords from the path above each, and its point, both of the shape (groups, chords of a group).
 
-
-def _chords(
-    law: Quintics, position: Callable[[FloatArray], FloatArray], period: float, end: float
-) -> Iterator[tuple[FloatArray, FloatArray, int]]:
-    """Starts of chords of one period, the path at equal times (points, dim), and its points from start to start.
-
-    In chunks, each chord with the points that divide its period into equal parts.  The starts are a fraction of the
-    period apart; where a plan has far more periods than nodes they follow the nodes, as nothing changes faster than
-    between two of those.
+    The points of a group follow those of the one before.  In a group a chord begins ``stride`` points after the one before,
+    and ends ``parts`` after that.
     """
-    part = period / CHORD_PARTS
-    count = int(np.ceil(end / (part * _CHORD_STRIDE)))
-    if count <= _STARTS_PER_INTERVAL * law.h.size + CANDIDATES:
-        for window in chunks(count, _CHORD_STRIDE):
-            k = np.arange(window[0] * _CHORD_STRIDE, window[-1] * _CHORD_STRIDE + CHORD_PARTS + 1)
-            yield np.asarray(window * _CHORD_STRIDE * part, dtype=np.float64), position(k * part), _CHORD_STRIDE
-        return
-    within = np.arange(_STARTS_PER_INTERVAL) / _STARTS_PER_INTERVAL
-    every = (law.start[:, None] + law.h[:, None] * within).reshape(-1)
-    for window in chunks(every.size, CHORD_PARTS + 1):
-        starts = every[window]
-        times = starts[:, None] + part * np.arange(CHORD_PARTS + 1)
-        yield np.asarray(starts), position(times.reshape(-1)), CHORD_PARTS + 1
+    height, top, dim = np.empty(shape), np.empty(shape, dtype=np.intp), points.shape[1]
+    work = np.empty((points.shape[0] // shape[0] + stride) * dim + shape[1] * (parts + 3))
+    core.chord_heights(*shape, dim, stride, parts, np.ascontiguousarray(points), height, top, work)
+    return height, top
 
 
 def _climb_chords(
-    position: Callable[[FloatArray], FloatArray], start: FloatArray, share: FloatArray, period: float, end: float
+    motion: Motion, start: FloatArray, share: FloatArray, period: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Move start and place (share of the period) of each chord to the highest distance nearby; and that distance."""
-    steps = np.linspace(-1.0, 1.0, _CLIMB_POINTS)
+    law, tip = motion.law, motion.curve.tip
+    steps, end = np.linspace(-1.0, 1.0, _CLIMB_POINTS), float(law.start[-1] + law.h[-1])
     half_start, half_share = period * _CHORD_STRIDE / CHORD_PARTS, 1.0 / CHORD_PARTS
-    index = np.arange(start.size)
+    start, share, heights = start.copy(), share.copy(), np.empty(start.size)
+    u = np.empty((start.size, steps.size, steps.size + 2))
+    left, work = np.zeros(u.size, dtype=np.bool_), np.empty(steps.size * (tip.dim + 2))
     for _ in range(_CLIMB_ROUNDS):
-        starts = np.clip(start[:, None] + half_start * steps, 0.0, end)
-        shares = np.clip(share[:, None] + half_share * steps, 0.0, 1.0)
-        heights, best = _highest_of(position, starts, shares, period)
-        start = starts[index, best // steps.size]
-        share = shares[index, best % steps.size]
+        widths = half_start, half_share
+        on_law = law.h.size, law.table, law.start, *motion.curve.domain, period
+        core.chord_trials(*on_law, *u.shape[:2], steps, *widths, start, share, u)
+        points = tip._evaluate(u.reshape(-1), 0, left)
+        core.chord_choose(*u.shape[:2], tip.dim, steps, *widths, end, points, start, share, heights, work)
         half_start, half_share = half_start / 3.0, half_share / 3.0  # a spacing is a quarter of the half-width
     return start, share, heights
-
-
-def _highest_of(
-    position: Callable[[FloatArray], FloatArray], starts: FloatArray, shares: FloatArray, period: float
-) -> tuple[FloatArray, IntArray]:
-    """Largest distance from chords, each row's on its own, and where it is: chord times k plus place.
-
-    The chords begin at starts (n, m); the places are at shares (n, k) of the period.
-    """
-    within = np.concatenate([np.tile([0.0, 1.0], (shares.shape[0], 1)), shares], axis=1)
-    points = position(starts[:, :, None] + within[:, None, :] * period)
-    height, top = np.empty(starts.shape[0]), np.empty(starts.shape[0], dtype=np.intp)
-    work = np.empty(shares.shape[1] * (points.shape[-1] + 2))
-    core.chord_tops(*starts.shape, shares.shape[1], points.shape[-1], points, height, top, work)
-    return height, top
 
 
 def sample_chord(
@@ -140,11 +166,10 @@ def sample_chord(
     order = np.argsort(-bound, kind="stable")
     for some in chunks(begin.size, density):
         k = order[some]
-        least = highest.height[0, -1] if highest.height.size == CANDIDATES else 0.0
-        if some[0] > 0 and bound[k[0]] < max(least, _WORTH_A_LOOK * allowed):
+        if some[0] > 0 and bound[k[0]] < max(highest.least, _WORTH_A_LOOK * allowed):
             break
-        height, at = _heights(between(k, grid).reshape(k.size * density, tip.dim), density, density - 1, k.size)
-        highest.offer(height[None], k, grid[at][None])
+        height, at = _heights(between(k, grid).reshape(k.size * density, tip.dim), (1, k.size), density, density - 1)
+        highest.offer(height, k, grid[at])
     top = highest.index[0]
     half = np.full(top.size, 1.0 / (density - 1))
     x = zoom(lambda trial: distance(top, trial), highest.x[0], half, np.zeros(half.size), np.ones(half.size))

@@ -2,21 +2,11 @@
 
 #include <string.h>
 
-#include "planner/geometry/curve_inline.h"
+#include "planner/verify/law_inline.h"
 #include "planner/verify/motion_inline.h"
 
 enum { BISECTIONS = 60 };
 static const double EPS = 2.220446049250313e-16;
-
-/* A row of the table: a quintic between two nodes. */
-typedef struct {
-    double start, h;
-    double ends[2][3]; /* u, u' and u'' at both ends, as tabulated */
-    double c[6];       /* of the powers of x in [0, 1] */
-    double slack[3];   /* what the rounding of the nodes can change in the first three time derivatives of u */
-} Quintic;
-
-static inline const Quintic *quintic_of(const double *table, int64_t i) { return (const Quintic *)table + i; }
 
 int64_t law_table(int64_t nodes, const double *t, const double *u, const double *u_rate, const double *u_acceleration,
                   double *table)
@@ -47,13 +37,6 @@ int64_t law_table(int64_t nodes, const double *t, const double *u, const double 
     return law - (Quintic *)table;
 }
 
-static inline double quintic_value(const Quintic *law, double w)
-{
-    const double *c = law->c;
-    const double u = c[0] + w * (c[1] + w * (c[2] + w * (c[3] + w * (c[4] + w * c[5]))));
-    return w == 1.0 ? law->ends[1][0] : u;
-}
-
 /* First three time derivatives of u at x (k), from out on, apart numbers from one another. */
 INLINED void quintic_rates(const Quintic *law, int64_t k, const double *x, int64_t apart, double *restrict out)
 {
@@ -67,14 +50,6 @@ INLINED void quintic_rates(const Quintic *law, int64_t k, const double *x, int64
         out[apart + p] = w == 0.0 ? begin[2] : w == 1.0 ? end[2] : u2;
         out[2 * apart + p] = (6.0 * c[3] + w * (24.0 * c[4] + w * 60.0 * c[5])) / h3;
     }
-}
-
-/* The share that has passed of the interval that holds a time; the last one has no end. */
-static inline double locate(const double *table, int64_t intervals, const double *start, double t, int64_t *interval)
-{
-    const int64_t last = intervals - 1;
-    const int64_t i = *interval = t >= start[last] ? last : find_piece(last, start, t, 0, *interval);
-    return smaller(larger((t - start[i]) / quintic_of(table, i)->h, 0.0), 1.0);
 }
 
 void law_locate(int64_t intervals, const double *table, const double *start, int64_t n, const double *t,

@@ -13,7 +13,8 @@
 #define INLINED static inline __attribute__((always_inline))
 
 enum { FEED, ALONG_ACCELERATION, ALONG_JERK, REVERSAL, FIRST_AXIS, MAX_AXES = 9, ROWS = FIRST_AXIS + 3 * MAX_AXES };
-enum { BLOCK = 32 }; /* points of a block */
+enum { BLOCK = 32 };      /* points of a block */
+enum { COURSE_SIZES = 5 }; /* of a span's course, before its two ends */
 
 typedef double Points[BLOCK];
 
@@ -34,6 +35,9 @@ typedef struct {
 
 typedef struct {
     Points value[ROWS], granted[ROWS];
+    /* Of the tip: acceleration across its path, INFINITY where it goes back; rate at which its direction turns, INFINITY where it has
+     * none; sizes of its jerk along the path and across it. */
+    Points across, swing, jolt[2];
 } Quantities;
 
 /* The arrays of a pass: derivatives of axes d (4, points, dim) and tip p (4, points, tip; NULL: the same), rates (3, points), and
@@ -50,6 +54,7 @@ typedef struct {
     Points bend;         /* p_uu.t */
     Points turn;         /* square of the part of p_uu across t */
     Points second, third, off2, off3;
+    Points jolt; /* square of the jerk */
 } Tip;
 
 INLINED void path_load(Path *path, int64_t points, int64_t dim, const double *d, int64_t first, int64_t count)
@@ -135,6 +140,7 @@ INLINED void tip_sums(const Path *path, int64_t j, int64_t count, int64_t apart,
         tip->turn[k] += square(second - tip->bend[k] * tangent);
         tip->second[k] += acceleration[k] * tangent;
         tip->third[k] += jerk[k] * tangent;
+        tip->jolt[k] += square(jerk[k]);
         tip->off2[k] += square(off2[k]);
         tip->off3[k] += square(off3[k]);
     }
@@ -150,7 +156,7 @@ INLINED void measure_tip(const Path *path, int cartesian, const Rates *rates, in
     Points value[3], granted[3];
     tip_tangent(path, count, &tip);
     for (int64_t k = 0; k < count; k++)
-        tip.turn[k] = tip.second[k] = tip.third[k] = tip.off2[k] = tip.off3[k] = 0.0;
+        tip.turn[k] = tip.second[k] = tip.third[k] = tip.off2[k] = tip.off3[k] = tip.jolt[k] = 0.0;
     for (int64_t j = 0; j < path->dim; j++) {
         if (cartesian) {
             tip_sums(path, j, count, path->dim, out->value + FIRST_AXIS + j, out->granted + FIRST_AXIS + j, &tip);
@@ -168,6 +174,11 @@ INLINED void measure_tip(const Path *path, int cartesian, const Rates *rates, in
         out->granted[FEED][k] = tip.speed[k] * rates->off1[k];
         out->granted[ALONG_ACCELERATION][k] = sqrt(tip.off2[k]);
         out->granted[ALONG_JERK][k] = sqrt(tip.off3[k]) + turn * rates->off_cube[k];
+        const double normal = sqrt(tip.turn[k]);
+        out->across[k] = u1 >= 0.0 ? normal * rates->square[k] : INFINITY;
+        out->swing[k] = tip.speed[k] > 0.0 ? normal * tip.scale[k] * fabs(u1) : INFINITY;
+        out->jolt[0][k] = fabs(tip.third[k]);
+        out->jolt[1][k] = sqrt(larger(tip.jolt[k] - square(tip.third[k]), 0.0));
     }
 }
 

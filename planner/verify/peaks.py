@@ -30,7 +30,7 @@ def peaks(heights: FloatArray) -> tuple[FloatArray, IntArray]:
 
 
 class Highest:
-    """The highest few of what is offered, in rows, highest first; of equal ones the earliest, whatever the chunks."""
+    """The highest few of what is offered, in rows, highest first; of equal ones that of the least index, in any order."""
 
     def __init__(self, rows: int = 1) -> None:
         self._kept = np.zeros(rows, dtype=np.intp)
@@ -41,6 +41,11 @@ class Highest:
     def height(self) -> FloatArray:
         """Heights of those kept, (rows, candidates); every row keeps as many."""
         return np.ascontiguousarray(self._height[:, : self._kept[0]])
+
+    @property
+    def least(self) -> float:
+        """What is lower is not among the highest of the first row."""
+        return float(self._height[0, -1]) if self._kept[0] == CANDIDATES else -np.inf
 
     @property
     def index(self) -> IntArray:
@@ -62,17 +67,22 @@ def zoom(
     height: Callable[[FloatArray], FloatArray], x: FloatArray, half: FloatArray, lower: FloatArray, upper: FloatArray
 ) -> FloatArray:
     """Climb to the highest point within x - half .. x + half, each row of x (n,) on its own."""
-    steps = np.linspace(-1.0, 1.0, _ZOOM_POINTS)
+    steps, x, half = np.linspace(-1.0, 1.0, _ZOOM_POINTS), x.copy(), half.copy()
+    trials = np.empty((x.size, steps.size))
+    spread = core.peaks_trials.bind(*trials.shape, steps, x, half, lower, upper, trials)
     for _ in range(_ZOOM_ROUNDS):
-        trial = np.clip(x[:, None] + half[:, None] * steps, lower[:, None], upper[:, None])
-        top = height(trial).argmax(axis=1)
-        x = trial[np.arange(x.size), top]
-        half = half / _ZOOM_SHRINK
+        spread()
+        core.peaks_choose(*trials.shape, trials, np.ascontiguousarray(height(trials)), _ZOOM_SHRINK, x, half)
     return x
+
+
+def chunk_size(points_each: int) -> int:
+    """How many things of so many points each are evaluated at once."""
+    return max(1, _CHUNK_POINTS // points_each)
 
 
 def chunks(count: int, points_each: int) -> Iterator[IntArray]:
     """Indices 0 .. count - 1 in pieces whose points are evaluated at once."""
-    size = max(1, _CHUNK_POINTS // points_each)
+    size = chunk_size(points_each)
     for first in range(0, count, size):
         yield np.arange(first, min(first + size, count))

@@ -6,27 +6,42 @@
 
 enum { PEAK_LANES = 8 };
 
+/* The highest of the first count lanes, a power of two. */
+static inline __attribute__((always_inline)) double highest_lane(int count, double *lanes)
+{
+    for (int half = count / 2; half > 0; half /= 2)
+        for (int l = 0; l < half; l++)
+            lanes[l] = larger(lanes[l], lanes[l + half]);
+    return lanes[0];
+}
+
 /* Index of the highest, of equal ones the first. */
 static inline __attribute__((always_inline)) int64_t highest(int64_t n, const double *heights)
 {
     /* First how high, then where: each lane has its own maximum, for one of all would wait for every comparison. */
     double most = heights[0];
-    int64_t k = 1, at = 0;
-    if (n >= 2 * PEAK_LANES) {
+    int64_t k = 1;
+    if (n >= PEAK_LANES) {
         double top[PEAK_LANES];
         for (int l = 0; l < PEAK_LANES; l++)
             top[l] = heights[l];
         for (k = PEAK_LANES; k + PEAK_LANES <= n; k += PEAK_LANES)
             for (int l = 0; l < PEAK_LANES; l++)
                 top[l] = larger(top[l], heights[k + l]);
-        for (int l = 0; l < PEAK_LANES; l++)
-            most = larger(most, top[l]);
+        most = highest_lane(PEAK_LANES, top);
     }
     for (; k < n; k++)
         most = larger(most, heights[k]);
-    while (at < n && heights[at] != most)
-        at++;
-    return at < n ? at : 0; /* most is no number only where the first is none */
+    for (k = 0; k + PEAK_LANES <= n; k += PEAK_LANES) {
+        int found = 0;
+        for (int l = 0; l < PEAK_LANES; l++)
+            found |= heights[k + l] == most;
+        if (found)
+            break;
+    }
+    while (k < n && heights[k] != most)
+        k++;
+    return k < n ? k : 0; /* most is no number only where the first is none */
 }
 
 /* Height of the highest point, or where it lies inside, of the parabola through it and its neighbours. */

@@ -25,17 +25,61 @@ HOT void scan_used(int64_t n, int64_t k, int64_t dim, int64_t tip, const double 
         }
 }
 
+/* What the tip does at the first or the last point of a block, into place, velocity and direction, a row of tip numbers each. */
+static void end_of_tip(const States *states, int64_t point, double *row)
+{
+    const int64_t tip = states->tip;
+    const double *p = (states->p ? states->p : states->d) + point * tip, *slope = p + states->points * tip;
+    double squared = 0.0;
+    for (int64_t j = 0; j < tip; j++)
+        squared += square(slope[j]);
+    const double scale = squared > 0.0 ? 1.0 / sqrt(squared) : 0.0;
+    for (int64_t j = 0; j < tip; j++) {
+        row[j] = p[j];
+        row[tip + j] = slope[j] * states->rates[point];
+        row[2 * tip + j] = slope[j] * scale;
+    }
+}
+
+static inline double size_of(double value)
+{
+    const double size = fabs(value);
+    return size < INFINITY ? size : INFINITY; /* also of what is not a number */
+}
+
+/* Raise the sizes of a span's course to those of a block of its points. */
+INLINED void course_raise(const Quantities *block, int64_t count, double *course)
+{
+    const double *of[COURSE_SIZES] = {block->across, block->value[ALONG_ACCELERATION], block->swing, block->jolt[0],
+                                      block->jolt[1]};
+    for (int row = 0; row < COURSE_SIZES; row++) {
+        double top[PEAK_LANES] = {0.0};
+        int64_t k = 0;
+        for (; k + PEAK_LANES <= count; k += PEAK_LANES)
+            for (int l = 0; l < PEAK_LANES; l++)
+                top[l] = larger(top[l], size_of(of[row][k + l]));
+        for (; k < count; k++)
+            top[0] = larger(top[0], size_of(of[row][k]));
+        course[row] = larger(course[row], highest_lane(PEAK_LANES, top));
+    }
+}
+
 HOT void scan_measure(int64_t n, int64_t k, int64_t dim, int64_t tip, const double *d, const double *p,
                       const double *rates, const double *slack, const double *x, double *ends, double *height,
-                      double *place, double *largest, double *jerk, double *feed, double *feed_place, double *work)
+                      double *place, double *largest, double *jerk, double *feed, double *feed_place, double *course, double *work)
 {
     const States states = {n * k, dim, tip, d, p, rates, slack, k};
     const int64_t rows = FIRST_AXIS + 3 * dim;
     Quantities block;
-    for (int64_t i = 0; i < n; i++) {
+    for (int64_t i = 0; i < n; i++, course += COURSE_SIZES + 6 * tip) {
+        for (int row = 0; row < COURSE_SIZES; row++)
+            course[row] = 0.0;
+        end_of_tip(&states, i * k, course + COURSE_SIZES);
+        end_of_tip(&states, i * k + k - 1, course + COURSE_SIZES + 3 * tip);
         for (int64_t first = 0; first < k; first += BLOCK) {
             const int64_t count = k - first < BLOCK ? k - first : BLOCK;
             measure_block(&states, i * k + first, count, &block);
+            course_raise(&block, count, course);
             for (int64_t row = 0; row < rows; row++)
                 use_of(&block, row, count, work + row * k + first);
             if (first == 0)

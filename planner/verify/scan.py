@@ -17,6 +17,8 @@ from planner.verify.peaks import Highest, chunks, zoom
 from planner.verify.quantities import axis_rows, names, sizes_of
 from planner.verify.sizes import VELOCITY_STEP
 
+_COURSE_SIZES = 5  # of a span, before its two ends
+
 
 @dataclass(frozen=True, eq=False)
 class Scan:
@@ -34,6 +36,11 @@ class Scan:
         Steps of the tangential acceleration there; where the tip comes to rest, which may turn it back, those of its size.
     feed, feed_place : (spans,)
         Highest feed at the points of each span, and x there.
+    course : (spans, 5 + 6 tip)
+        Of the tip the largest acceleration across and along its path, the fastest turning of its direction, and the largest
+        jerk along and across, at the points of each span; place, velocity and direction at both ends.
+    density : int
+        Points a span.
     """
 
     top_span: IntArray
@@ -44,6 +51,8 @@ class Scan:
     along: FloatArray
     feed: FloatArray
     feed_place: FloatArray
+    course: FloatArray
+    density: int
 
 
 def scan_spans(motion: Motion, density: int) -> Scan:
@@ -56,6 +65,7 @@ def scan_spans(motion: Motion, density: int) -> Scan:
     steps = np.zeros((2, spans + 1, dim))
     before, after = np.zeros((2, spans + 1)), np.zeros((2, spans + 1))
     feed, feed_place = np.empty((2, spans))
+    course = np.empty((spans, _COURSE_SIZES + 6 * tip))
     coordinates = dim if motion.curve.tip is motion.curve else dim + tip
     for span in chunks(spans, density * max(1, coordinates // 4)):  # fewer points, where each has more numbers
         some = slice(span[0], span[-1] + 1)
@@ -78,6 +88,7 @@ def scan_spans(motion: Motion, density: int) -> Scan:
             largest,
             of_chunk,
             *feeds,
+            course[some],
             work,
         )
         jerk[:, some] = of_chunk
@@ -89,7 +100,7 @@ def scan_spans(motion: Motion, density: int) -> Scan:
         tops.offer(kept[0], span, kept[1])
     rests = np.minimum(before[0], after[0]) <= VELOCITY_STEP * largest[0]
     along = np.where(rests, np.abs(after[1]) - np.abs(before[1]), after[1] - before[1])
-    return Scan(tops.index, tops.x, largest, jerk, steps, along, feed, feed_place)
+    return Scan(tops.index, tops.x, largest, jerk, steps, along, feed, feed_place, course, density)
 
 
 def worst_of(motion: Motion, scan: Scan, density: int) -> Iterator[tuple[str, int, float, float, Place]]:

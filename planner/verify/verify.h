@@ -46,10 +46,12 @@ void motion_measure(int64_t n, int64_t k, int64_t dim, int64_t tip, const double
 /* Measure spans as motion_measure does at x (n, k), and keep of each of them and every quantity only the highest.
  * ends (2, 4 + 3 dim, n): values at the first and the last point; height and place (4 + 3 dim, n): the peak of the sizes less
  * their slack, and x there; largest (4 + 3 dim) is raised to the largest of these without the parabola; jerk (dim, n): the
- * peak of the axes' jerk less its slack; feed and feed_place (n): the highest feed at the points, and x there.  work: 31 k numbers. */
+ * peak of the axes' jerk less its slack; feed and feed_place (n): the highest feed at the points, and x there.  course (n, 5 + 6 tip): of the tip the largest acceleration across
+ * and along its path, the fastest turning of its direction, and the largest jerk along and across at the points; then place, velocity
+ * and direction at both ends.  work: 31 k numbers. */
 void scan_measure(int64_t n, int64_t k, int64_t dim, int64_t tip, const double *d, const double *p, const double *rates,
                   const double *slack, const double *x, double *ends, double *height, double *place, double *largest,
-                  double *jerk, double *feed, double *feed_place, double *work);
+                  double *jerk, double *feed, double *feed_place, double *course, double *work);
 
 /* Write the size less its slack of one quantity a span, row (n), at its points: used (n, k). */
 void scan_used(int64_t n, int64_t k, int64_t dim, int64_t tip, const double *d, const double *p, const double *rates,
@@ -61,20 +63,40 @@ void scan_used(int64_t n, int64_t k, int64_t dim, int64_t tip, const double *d, 
 void meanjerk_measure(int64_t n, int64_t dim, const double *d, const double *rates, const double *u, const double *start,
                       const double *h, const double *gap, double *mean, double *slack);
 
-/* Write the largest distance from each of n chords to the path above it, and its point.  Chord i runs from points[i stride]
- * to points[i stride + parts], (., dim); the distance is that to the segment.  work: dim numbers for each point, and 2 parts + 2. */
-void chord_heights(int64_t n, int64_t dim, int64_t stride, int64_t parts, const double *points, double *height,
-                   int64_t *top, double *work);
+/* Write what no chord of a period within windows (n) of time, each from .. to, both ascending, can be left by: bound (n), further than
+ * by rounding.  Of all spans: time (2, spans) their begin and end, course as scan_measure writes it with so many points.  turning: the
+ * tip is made of the axes, so that it has a direction wherever the curve has one.  work: 5 numbers a
+ * span, and 3; queue: 2 a span. */
+void chord_bounds(int64_t spans, int64_t tip, int64_t points, int64_t turning, const double *time, const double *course,
+                  double period, int64_t n, const double *from, const double *to, double *bound, double *work, int64_t *queue);
 
+/* Write the largest distance from each chord to the path above it, and its point, of n groups of chords each.  Chord i of a group runs
+ * from its point i stride to i stride + parts; points (n, (chords - 1) stride + parts + 1, dim); the distance is that to the segment.
+ * height and top (n, chords).  work: dim numbers for each point of a group, and parts + 3 for each chord. */
+void chord_heights(int64_t n, int64_t chords, int64_t dim, int64_t stride, int64_t parts, const double *points,
+                   double *height, int64_t *top, double *work);
 
-/* Write the largest distance of points from their chord, over the chords of each of n groups, and where it is: chord times parts
- * plus point.  points (n, chords, parts + 2, dim): the ends of a chord, then the points.  work: dim + 2 numbers for each part. */
-void chord_tops(int64_t n, int64_t chords, int64_t parts, int64_t dim, const double *points, double *height,
-                int64_t *top, double *work);
+/* Write u, (n, m, m + 2), at trial chords of a period: of each of n chords all that begin at its start plus steps (m) times half a
+ * width, at both ends and at its share plus steps times half a width of that. */
+void chord_trials(int64_t intervals, const double *table, const double *begin, double low, double high, double period, int64_t n,
+                  int64_t m, const double *steps, double half_start, double half_share, const double *start,
+                  const double *share, double *u);
+
+/* Move start and share (n) to the highest of the trials, at points (n, m, m + 2, dim), and write how high it is.  work: m (dim + 2)
+ * numbers. */
+void chord_choose(int64_t n, int64_t m, int64_t dim, const double *steps, double half_start, double half_share, double end,
+                  const double *points, double *start, double *share, double *height, double *work);
 
 /* Take what is offered, height and x (rows, n) with index (n), among the highest of each row: best, best_index and best_x (rows,
- * room), highest first, of equal ones the earliest; kept (rows) of them hold something. */
+ * room), highest first, of equal ones that of the least index; kept (rows) of them hold something. */
 void peaks_keep(int64_t rows, int64_t n, const double *height, const int64_t *index, const double *x, int64_t room,
                 int64_t *kept, double *best, int64_t *best_index, double *best_x);
+
+/* Write trials (n, m): x plus steps (m) times a half width, each between its bounds. */
+void peaks_trials(int64_t n, int64_t m, const double *steps, const double *x, const double *half, const double *lower,
+                  const double *upper, double *trials);
+
+/* Move each x to the highest of its trials, the first of equals, and narrow its half width. */
+void peaks_choose(int64_t n, int64_t m, const double *trials, const double *heights, double shrink, double *x, double *half);
 
 #endif

@@ -5,29 +5,13 @@ from __future__ import annotations
 import motion_reference as plain
 import numpy as np
 import pytest
+from check_plans import plan_on
 
-from planner import load_curve
 from planner.compiled import core
 from planner.geometry.chord import distance_to_chord
-from planner.law import TimeLaw
-from planner.machine.limits import Limits
-from planner.profile import make_profile
 from planner.verify.motion import Motion, Quintics, measure_points
 from planner.verify.peaks import CANDIDATES, Highest, peaks
 from planner.verify.quantities import REVERSAL, axis_rows, names
-
-
-def plan_on(name, count=37):
-    """A smooth law of time over a curve, whose nodes keep clear of its knots, so that spans begin between them."""
-    curve = load_curve(name)
-    free = [np.inf] * curve.dim
-    u0, u1 = curve.domain
-    x = np.linspace(0.0, 1.0, count)
-    u = u0 + (u1 - u0) * (x - np.sin(2.0 * np.pi * x) / (2.0 * np.pi))
-    u[-1] = u1
-    rate = (u1 - u0) * (1.0 - np.cos(2.0 * np.pi * x)) / 3.0
-    nodes = (3.0 * x, u, rate, (u1 - u0) * 2.0 * np.pi * np.sin(2.0 * np.pi * x) / 9.0)
-    return make_profile(curve, Limits(np.inf, free, free, free), TimeLaw(*nodes), method="test")
 
 
 @pytest.fixture(scope="module", params=["circle", "flank"])
@@ -44,9 +28,9 @@ def scanned(states, x):
     ends, height, place = np.empty((2, count, spans)), *np.empty((2, count, spans))
     largest, jerk, feed, feed_place = np.zeros(count), np.empty((dim, spans)), *np.empty((2, spans))
     kept = ends, height, place, largest, jerk, feed, feed_place
-    work = np.empty((count, x.shape[1]))
-    core.scan_measure(*x.shape, dim, p.shape[2], d, None if cartesian else p, rates, slack, x, *kept, work)
-    return kept
+    work, course = np.empty((count, x.shape[1])), np.empty((spans, 5 + 6 * p.shape[2]))
+    core.scan_measure(*x.shape, dim, p.shape[2], d, None if cartesian else p, rates, slack, x, *kept, course, work)
+    return *kept, course
 
 
 def chained(d, rates):
@@ -115,7 +99,7 @@ def test_the_peaks_of_spans_are_those_of_all_their_points(motion, density):
     span = np.arange(motion.interval.size)
     x = motion.grid(span, density)
     dim = motion.curve.dim
-    ends, height, place, largest, jerk, feed, feed_place = scanned(motion.states(span, x), x)
+    ends, height, place, largest, jerk, feed, feed_place, _ = scanned(motion.states(span, x), x)
     values, slack = motion.measure(span, x)
     sizes = np.abs(values)
     sizes[REVERSAL] = values[REVERSAL]
@@ -265,40 +249,61 @@ def test_compiled_mean_jerks_are_those_of_array_arithmetic(dim):
     assert pytest.approx(expected[1], rel=1e-13) == slack.T
 
 
-def chord_heights(points, stride, parts, count):
-    height, top = np.empty(count), np.empty(count, dtype=np.intp)
-    work = np.empty(points.size + 2 * (parts + 1))
-    core.chord_heights(count, points.shape[1], stride, parts, points, height, top, work)
-    return height, top
+def chord_heights(points, stride, parts, count, groups=1):
+    height, top = np.empty((groups, count)), np.empty((groups, count), dtype=np.intp)
+    size, dim = points.shape[0] // groups, points.shape[1]
+    work = np.empty(dim * (size + stride) + count * (parts + 3))
+    core.chord_heights(groups, count, dim, stride, parts, points, height, top, work)
+    return height.reshape(-1), top.reshape(-1)
 
 
 @pytest.mark.parametrize(("dim", "stride", "parts"), [(2, 4, 16), (3, 9, 8), (1, 1, 3), (6, 24, 23)])
 def test_compiled_chords_have_the_bits_of_the_plain_ones(dim, stride, parts):
-    points = np.cumsum(np.random.default_rng(dim).normal(size=(40 * stride + parts + 1, dim)), axis=0)
+    points = np.cumsum(np.random.default_rng(dim).normal(size=(39 * stride + parts + 1, dim)), axis=0)
     points[2 * stride + parts] = points[2 * stride]
     points[7 * stride : 9 * stride] = points[7 * stride]
     expected = np.empty(40), np.empty(40, dtype=np.intp)
     plain.chord_heights(points, stride, parts, *expected)
     for one, other in zip(chord_heights(points, stride, parts, 40), expected, strict=True):
         assert (one == other).all()
+    twice = np.concatenate([points, points])
+    for one, other in zip(chord_heights(twice, stride, parts, 40, groups=2), expected, strict=True):
+        assert (one == np.tile(other, 2)).all()
 
 
-def test_the_top_of_a_group_of_chords_is_the_highest_of_all_their_points():
+def test_a_chord_moves_to_the_highest_of_its_trials():
     rng = np.random.default_rng(6)
-    groups, chords, parts = 5, 9, 9
-    points = rng.normal(size=(groups, chords, parts + 2, 2))
-    height, top = np.empty(groups), np.empty(groups, dtype=np.intp)
-    core.chord_tops(groups, chords, parts, 2, points, height, top, np.empty(parts * 4))
-    expected = distance_to_chord(points[:, :, 2:], points[:, :, 0], points[:, :, 1]).reshape(groups, -1)
-    assert (top == expected.argmax(axis=1)).all()
+    count, trials = 5, 9
+    steps = np.linspace(-1.0, 1.0, trials)
+    points = rng.normal(size=(count, trials, trials + 2, 2))
+    start, share, height = rng.uniform(0.05, 0.95, count), rng.uniform(0.3, 0.7, count), np.empty(count)
+    expected = distance_to_chord(points[:, :, 2:], points[:, :, 0], points[:, :, 1]).reshape(count, -1)
+    best = expected.argmax(axis=1)
+    starts, shares = (np.clip(x + 0.1 * steps[k], 0.0, 1.0) for x, k in ((start, best // 9), (share, best % 9)))
+    work = np.empty(trials * 4)
+    core.chord_choose(count, trials, 2, steps, 0.1, 0.1, 1.0, points, start, share, height, work)
     assert height == pytest.approx(expected.max(axis=1), rel=1e-14)
+    assert (start == starts).all()
+    assert (share == shares).all()
+
+
+def test_trials_of_chords_lie_around_them_and_within_the_plan():
+    law = Quintics.of(plan_on("circle"))
+    end, steps = law.start[-1] + law.h[-1], np.linspace(-1.0, 1.0, 9)
+    start, share, period = np.array([0.0, 1.0, end]), np.array([0.0, 0.4, 1.0]), 0.2
+    u = np.empty((3, 9, 11))
+    core.chord_trials(law.h.size, law.table, law.start, 0.0, 6.0, period, 3, 9, steps, 0.05, 0.1, start, share, u)
+    starts = np.clip(start[:, None] + 0.05 * steps, 0.0, end)
+    shares = np.concatenate([np.tile([0.0, 1.0], (3, 1)), np.clip(share[:, None] + 0.1 * steps, 0.0, 1.0)], axis=1)
+    times = starts[:, :, None] + shares[:, None] * period
+    assert (u == law.parameters(times.reshape(-1), 0.0, 6.0).reshape(u.shape)).all()
 
 
 @pytest.mark.parametrize(("dim", "stride"), [(2, 3), (3, 9)])
 def test_heights_of_chords_are_distances_to_segments(dim, stride):
     """The nearest of many points of each segment, in every direction; one chord has no length."""
     parts, count = 8, 12
-    points = np.cumsum(np.random.default_rng(dim).normal(size=(count * stride + parts + 1, dim)), axis=0)
+    points = np.cumsum(np.random.default_rng(dim).normal(size=((count - 1) * stride + parts + 1, dim)), axis=0)
     points[2 * stride + parts] = points[2 * stride]
     height, top = chord_heights(points, stride, parts, count)
     share = np.linspace(0.0, 1.0, 20_001)[:, None]
@@ -315,18 +320,20 @@ def test_of_equal_heights_the_earliest_are_kept_however_they_come():
     height, x = rng.integers(0, 6, 200).astype(float), rng.uniform(size=200)
     order = np.lexsort([np.arange(200), -height])[:CANDIDATES]
     for size in (1, 7, 64, 200):
-        highest = Highest(2)
+        highest, every = Highest(2), np.arange(200) if size < 64 else rng.permutation(200)
         for first in range(0, 200, size):
-            some = np.arange(first, min(first + size, 200))
+            some = every[first : first + size]
             highest.offer(np.stack([-height[some], height[some]]), some, np.stack([x[some], x[some]]))
         assert highest.index[1].tolist() == order.tolist()
         assert highest.x[1].tolist() == x[order].tolist()
         assert highest.height[0].tolist() == np.sort(-height)[::-1][:CANDIDATES].tolist()
+        assert highest.least == highest.height[0, -1]
 
 
 def test_fewer_than_there_is_room_for_are_all_kept():
     highest = Highest()
     highest.offer(np.array([[1.0, 3.0, 2.0]]), np.arange(3), np.array([[0.1, 0.3, 0.2]]))
     assert highest.height.tolist() == [[3.0, 2.0, 1.0]]
+    assert highest.least == -np.inf
     assert highest.index.tolist() == [[1, 2, 0]]
     assert highest.x.tolist() == [[0.3, 0.2, 0.1]]
