@@ -114,7 +114,9 @@ def merge_short_moves(ends, always, threshold, position, keep):
     ``position`` is where the first starts, and then where the last kept one ends.
     """
     for i in range(ends.shape[0]):
-        dx, dy, dz = ends[i, 0] - position[0], ends[i, 1] - position[1], ends[i, 2] - position[2]
-        keep[i] = always[i] or dx * dx + dy * dy + dz * dz >= threshold * threshold
+        square = 0.0
+        for there, here in zip(ends[i], position, strict=True):
+            square += (there - here) * (there - here)
+        keep[i] = always[i] or square >= threshold * threshold
         if keep[i]:
-            position[0], position[1], position[2] = ends[i, 0], ends[i, 1], ends[i, 2]
+            position[:] = ends[i]

@@ -114,6 +114,7 @@ TOPICS = {
     "plan/test_extreme.py": "curves and machines at the edges of what is allowed",
     "plan/test_plan_ends.py": "ends of a plan",
     "plan/test_two_sided.py": "rows whose bounds are not symmetric",
+    "programs/reading/test_axes.py": "words of rotary axes and of U V W",
     "programs/reading/test_refusals.py": "programs that are refused",
     "programs/test_rapids.py": "rapids of a program, from the reader to the plan",
     "verify/test_defects.py": "planted defects",

@@ -12,11 +12,12 @@ from pathlib import Path
 
 import numpy as np
 
+from planner.geometry.curve import AXES
 from planner.inputs import require_instance
 from planner.output.ngc import FeedMode, WrittenProgram, write_ngc
 from planner.profile import FeedrateProfile
 from planner.programs.path.smooth_path import ProgramPath
-from planner.programs.reading.program import AXES, Program
+from planner.programs.reading.program import Program
 from planner.verify import Report
 
 _END = "end"  # M2 or M30: the program that is written has its own

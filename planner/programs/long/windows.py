@@ -34,6 +34,7 @@ import numpy as np
 
 from planner.errors import InputError
 from planner.files.whole_file import require_writable
+from planner.geometry.curve import AXES
 from planner.inputs import positive_number, require_path
 from planner.machine.limits import SCALARS, Limits
 from planner.programs.long.done import Done
@@ -42,7 +43,7 @@ from planner.programs.long.parts import PathSource
 from planner.programs.long.restore import restored
 from planner.programs.long.window import Planner
 from planner.programs.path.moves import moving_axes
-from planner.programs.reading.program import AXES, Program
+from planner.programs.reading.program import Program
 from planner.programs.reading.reader import read_program
 from planner.programs.times import LineTimes, combined, write_line_times
 from planner.quantity import AXIS

@@ -28,12 +28,13 @@ from numpy.typing import NDArray
 
 from planner.compiled import core
 from planner.geometry.blend import BLEND_REACH
+from planner.geometry.curve import AXES
 from planner.programs.path.corner_sizes import rooms
 from planner.programs.path.corners import CORNER_TURN, SHARE_OF_BLOCK, tangent_jumps
 from planner.programs.path.deviation import Programmed
 from planner.programs.path.measure import LinePlace, Written
 from planner.programs.path.moves import MovingBlocks
-from planner.programs.reading.program import ARC, AXES, LINE, Program, rows_of
+from planner.programs.reading.program import ARC, LINE, Program, rows_of
 from planner.types import FloatArray
 
 _SHARES = (0.02, 0.1, 0.5, 0.9)  # of the tolerance
@@ -226,7 +227,7 @@ def _bow(moves: Program, length: FloatArray) -> FloatArray:
     out = np.zeros(length.size)
     normal = np.eye(3)[moves.normal[arc]]
     radii = []
-    for point in (moves.start[arc], moves.end[arc]):
+    for point in (moves.start[arc, :3], moves.end[arc, :3]):
         spoke = point - moves.centre[arc]
         spoke -= normal * np.sum(spoke * normal, axis=1)[:, None]
         radii.append(np.sqrt(np.sum(spoke**2, axis=1)))
@@ -257,7 +258,7 @@ def _with_arcs_moved(work: _Absorbing, share: float, *, beside: bool) -> _Absorb
     end, sweep = moves.end.copy(), moves.sweep.copy()
     before = gone - 1
     first, second = (moves.normal[before] + 1) % 3, (moves.normal[before] + 2) % 3
-    old, new = (point - moves.centre[before] for point in (moves.end[before], moves.end[gone]))
+    old, new = (point[:, :3] - moves.centre[before] for point in (moves.end[before], moves.end[gone]))
     k = np.arange(gone.size)
     cross = old[k, first] * new[k, second] - old[k, second] * new[k, first]
     sweep[before] += np.arctan2(cross, old[k, first] * new[k, first] + old[k, second] * new[k, second])

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.errors import CurveError
+from planner.errors import CurveError, InputError
 from planner.geometry.blend import Legs
+from planner.geometry.curve import AXES
 from planner.geometry.tolerance import DEFAULT_TOLERANCE
 from planner.programs.path.deviation import Programmed
-from planner.programs.reading.program import ARC, AXES, RAPID, Program
+from planner.programs.reading.program import ARC, RAPID, Program
 from planner.types import FloatArray
 
 
@@ -36,6 +37,10 @@ class MovingBlocks:
                 f"{program.source}: the program moves nothing, in the digits of its numbers; a path needs a move"
             )
         moves = moving_axes(program) if moves is None else moves
+        if moves[3:].any():
+            axis = 3 + int(np.argmax(moves[3:]))
+            line = int(program.axis_lines[axis])
+            raise InputError(f"{program.source}:{line}: {AXES[axis]}: moves of X, Y and Z alone are planned so far")
         legs, length = _legs(program, row, moves)
         edges = np.concatenate([[0.0], np.cumsum(length)])
         given = program.tolerance[row]
@@ -63,24 +68,34 @@ def moving_axes(program: Program) -> NDArray[np.bool_]:
 
 
 def _legs(program: Program, row: NDArray[np.intp], moves: NDArray[np.bool_]) -> tuple[Legs, FloatArray]:
-    """Legs of the moves ``row`` in the axes that move, and their lengths."""
-    start, end = program.start[row], program.end[row]
-    length = program.lengths[row].copy()
-    vectors, rates = np.zeros((row.size, 4, 3)), np.zeros((row.size, 2))
+    """Legs of the moves ``row`` in the axes that move, and their lengths, for which a degree counts as a mm."""
+    columns = np.flatnonzero(moves)
+    start, end = program.start[row][:, columns], program.end[row][:, columns]
+    length = np.sqrt(np.sum((end - start) ** 2, axis=1))
+    arc = np.flatnonzero(program.kind[row] == ARC)
+    if arc.size:
+        others = np.sum((end - start)[arc][:, columns > 2] ** 2, axis=1)
+        along = program.lengths[row[arc]]
+        length[arc] = np.where(others > 0.0, np.sqrt(along**2 + others), along)
+    vectors, rates = np.zeros((row.size, 4, columns.size)), np.zeros((row.size, 2))
     vectors[:, 0] = start
     vectors[:, 3] = (end - start) / length[:, None]
-    on = np.flatnonzero(program.kind[row] == ARC)
-    if on.size:
-        index = row[on]
-        normal = np.eye(3)[program.normal[index]]
-        spoke, last = start[on] - program.centre[index], end[on] - program.centre[index]
-        spoke -= normal * np.sum(spoke * normal, axis=1)[:, None]
-        last -= normal * np.sum(last * normal, axis=1)[:, None]
-        radius, final = (np.sqrt(np.sum(part**2, axis=1)) for part in (spoke, last))
-        vectors[on, 0] = start[on] - spoke
-        vectors[on, 1] = spoke
-        vectors[on, 2] = np.cross(normal, spoke)
-        vectors[on, 3] = normal * (np.sum((end[on] - start[on]) * normal, axis=1) / length[on])[:, None]
-        rates[on, 0] = program.sweep[index] / length[on]
-        rates[on, 1] = np.where(np.abs(final - radius) > 1e-12 * radius, (final / radius - 1.0) / length[on], 0.0)
-    return Legs(np.ascontiguousarray(vectors[:, :, moves]), rates), length
+    if arc.size:
+        bent, rates[arc] = _arcs(program, row[arc], length[arc])
+        xyz = columns[columns < 3]
+        vectors[arc, :, : xyz.size] = bent[:, :, xyz]
+    return Legs(vectors, rates), length
+
+
+def _arcs(program: Program, row: NDArray[np.intp], length: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Vectors (n, 4, 3) in X Y Z and rates (n, 2) of the arcs ``row`` of these lengths (n,)."""
+    start, end, centre = program.start[row, :3], program.end[row, :3], program.centre[row]
+    normal = np.eye(3)[program.normal[row]]
+    spoke, last = start - centre, end - centre
+    spoke -= normal * np.sum(spoke * normal, axis=1)[:, None]
+    last -= normal * np.sum(last * normal, axis=1)[:, None]
+    radius, final = (np.sqrt(np.sum(part**2, axis=1)) for part in (spoke, last))
+    climb = normal * (np.sum((end - start) * normal, axis=1) / length)[:, None]
+    vectors = np.stack([start - spoke, spoke, np.cross(normal, spoke), climb], axis=1)
+    growth = np.where(np.abs(final - radius) > 1e-12 * radius, (final / radius - 1.0) / length, 0.0)
+    return vectors, np.stack([program.sweep[row] / length, growth], axis=1)

@@ -13,7 +13,7 @@ import numpy as np
 from planner.programs.reading.blocks import WordColumn
 from planner.programs.reading.cycles import run_cycle
 from planner.programs.reading.language import CHANGE, DISTANCE, MOTION, ONCE, SYSTEM, TOOL_LENGTH
-from planner.programs.reading.offsets import SYSTEM_CODES
+from planner.programs.reading.offsets import SYSTEM_CODES, origin
 from planner.programs.reading.positions import CYCLE, ProgramTrack, SideMove, block_numbers
 from planner.programs.reading.program import RAPID
 
@@ -104,7 +104,7 @@ def _go_home(track: ProgramTrack, row: int) -> None:
             middle[axis] = middle[axis] + number if relative else number + state.offsets.total[axis]
         track.side.append(SideMove(row, RAPID, middle))
     end = state.programmed.copy()
-    for axis in range(3):
+    for axis in range(end.size):
         if all(number is None for number in numbers) or numbers[axis] is not None:
             if not state.known[axis] and state.axis_lines[axis] == 0:
                 track.stand(row, axis, float(home[axis]))
@@ -117,7 +117,7 @@ def _set_home(track: ProgramTrack, row: int) -> None:
     """G28.1 and G30.1: the home is where the machine stands."""
     code = int(track.blocks.g[ONCE].value[row]) - 1
     track.state.offsets.home[code] = track.state.programmed.copy()
-    track.state.known = [True] * 3
+    track.state.known = [True] * len(track.state.known)
 
 
 def _set_shift(track: ProgramTrack, row: int) -> None:
@@ -135,9 +135,9 @@ def _set_shift(track: ProgramTrack, row: int) -> None:
 def _clear_shift(track: ProgramTrack, row: int) -> None:
     """G92.1 and G92.2: no shift; G92.1 forgets it."""
     offsets = track.state.offsets
-    offsets.shift = np.zeros(3)
+    offsets.shift = origin()
     if track.blocks.g[ONCE].value[row] == 921:
-        offsets.kept_shift = np.zeros(3)
+        offsets.kept_shift = origin()
 
 
 def _restore_shift(track: ProgramTrack, row: int) -> None:
@@ -152,7 +152,7 @@ def _set_offsets(track: ProgramTrack, row: int) -> None:
     if level is None or which is None:
         return  # refused already
     if level == 1.0:
-        tool = state.offsets.written.setdefault(int(which), np.zeros(3))
+        tool = state.offsets.written.setdefault(int(which), origin())
         if which < 1 or which != int(which):
             _refuse(track, blocks.letters["P"], row, "the number of a tool must be a whole number of at least 1")
         for axis, number in enumerate(numbers):
@@ -193,7 +193,7 @@ def _tool_offset(track: ProgramTrack, row: int) -> np.ndarray[tuple[int], np.dty
     if found is None:
         column = blocks.letters["H"] if named is not None else blocks.g[TOOL_LENGTH]
         _refuse(track, column, row, f"the tool table has no tool {number}; add a line T{number} with its length Z")
-        return np.zeros(3)
+        return origin()
     if state.offsets.given is None and number and number not in state.offsets.written:
         state.offsets.assume(f"the length of tool {number}", int(blocks.line[row]))
     return found
@@ -220,7 +220,7 @@ def _more_length(track: ProgramTrack, row: int) -> None:
 
 
 def _no_length(track: ProgramTrack, row: int) -> None:
-    track.state.offsets.length = np.zeros(3)
+    track.state.offsets.length = origin()
 
 
 _Act = Callable[[ProgramTrack, int], None]

@@ -55,12 +55,17 @@ class Blocks:
 
     def any_of(self, names: str) -> Mask:
         """Blocks with a word of one of these letters."""
-        return np.logical_or.reduce([self.letters[name].given for name in names])
+        found = [column.given for column in map(self.letters.__getitem__, names) if column.given.any()]
+        return np.logical_or.reduce(found) if found else np.zeros(self.line.size, dtype=np.bool_)
 
     def first_of(self, names: str, where: Mask) -> LineArray:
         """Index of the first word with one of these letters, at the blocks of the mask, which have one."""
-        places = [np.where(c.given, c.word, np.iinfo(np.int64).max) for c in map(self.letters.__getitem__, names)]
-        return np.minimum.reduce(places)[where]
+        rows = np.flatnonzero(where)
+        found = np.full(rows.size, np.iinfo(np.int64).max)
+        for column in map(self.letters.__getitem__, names if rows.size else ""):
+            given = column.given[rows]
+            found[given] = np.minimum(found[given], column.word[rows[given]])
+        return found
 
     def number(self, row: int, letter: str) -> float | None:
         """The number behind a letter in a block, None where it is not there."""

@@ -12,10 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from planner.geometry.curve import AXES
 from planner.programs.reading.language import DISTANCE, FEED_MODE, MOTION, PLANE, RETRACT
 from planner.programs.reading.modal import CycleSeries
 from planner.programs.reading.positions import ProgramTrack, SideMove, block_numbers
-from planner.programs.reading.program import AXES, LINE, RAPID, ZERO_LENGTH_MM
+from planner.programs.reading.program import LINE, RAPID, ZERO_LENGTH_MM
 
 _CHIP_GAP_MM = 0.254  # above the last depth, where a peck begins; 0.01 inch, also in mm
 _MAX_MOVES = 1_000_000  # of one block
@@ -92,7 +93,7 @@ def run_cycle(track: ProgramTrack, row: int) -> None:
     if hole is not None:
         state.series = series
         _drill_all(track, row, hole, series, normal)
-    track.points[row + 1] = state.programmed
+    track.points[row + 1] = state.programmed[: state.carried]
 
 
 def _hole(track: ProgramTrack, row: int, series: CycleSeries, normal: int, code: int) -> _Hole | None:
@@ -144,7 +145,7 @@ def _drill_all(track: ProgramTrack, row: int, hole: _Hole, series: CycleSeries, 
     state = track.state
     relative = track.modal[DISTANCE][row] != 900
     numbers = block_numbers(track.blocks, row, float(track.unit[row]))
-    for axis in range(3):
+    for axis in range(len(AXES)):
         if numbers[axis] is None or state.axis_lines[axis]:
             continue
         state.axis_lines[axis] = track.blocks.line[row]

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from planner.geometry.curve import AXES
+
 # The modal groups; of each one word may stand in a block.
 MOTION, PLANE, UNITS, DISTANCE, CENTRES, FEED_MODE, PATH_MODE, ONCE, COMPENSATION, TOOL_LENGTH, SYSTEM, RETRACT = range(
     12
@@ -17,8 +19,9 @@ G_GROUPS = 13
 STOP, CHANGE, SPINDLE, COOLANT, SIGNAL, OVERRIDE = range(6)
 M_GROUPS = 6
 
-NUMBER_LETTERS = "NXYZIJKRFSTPQDEHL"
-# Letters that mean nothing without a word that takes them; X, Y and Z need one as well, and are looked at by themselves.
+AXIS_LETTERS = "".join(AXES)
+NUMBER_LETTERS = f"N{AXIS_LETTERS}IJKRFSTPQDEHL"
+# Letters that mean nothing without a word that takes them; those of axes need one as well, and are looked at by themselves.
 OWNED_LETTERS = "IJKRPQDEHL"
 
 
@@ -36,18 +39,18 @@ def _same(codes: tuple[int, ...], word: LanguageWord) -> dict[int, LanguageWord]
 
 # G words by ten times their number.
 G_WORDS: dict[int, LanguageWord] = {
-    **_same((0, 10), LanguageWord(MOTION, "XYZ")),
-    **_same((20, 30), LanguageWord(MOTION, "XYZIJKRP")),
-    **_same((382, 383, 384, 385), LanguageWord(MOTION, "XYZ")),
+    **_same((0, 10), LanguageWord(MOTION, AXIS_LETTERS)),
+    **_same((20, 30), LanguageWord(MOTION, f"{AXIS_LETTERS}IJKRP")),
+    **_same((382, 383, 384, 385), LanguageWord(MOTION, AXIS_LETTERS)),
     800: LanguageWord(MOTION),
     **_same((810, 850), LanguageWord(MOTION, "XYZRL")),
     **_same((740, 820, 840, 860, 890), LanguageWord(MOTION, "XYZRLP")),
     **_same((730, 830), LanguageWord(MOTION, "XYZRLQ")),
     40: LanguageWord(ONCE, "P", "P"),
-    100: LanguageWord(ONCE, "LPXYZR", "LP"),
-    **_same((280, 300), LanguageWord(ONCE, "XYZ")),
+    100: LanguageWord(ONCE, f"LP{AXIS_LETTERS}R", "LP"),
+    **_same((280, 300), LanguageWord(ONCE, AXIS_LETTERS)),
     **_same((281, 301), LanguageWord(ONCE)),
-    **_same((520, 920), LanguageWord(ONCE, "XYZ")),
+    **_same((520, 920), LanguageWord(ONCE, AXIS_LETTERS)),
     **_same((921, 922, 923, 530), LanguageWord(ONCE)),
     **_same((170, 180, 190), LanguageWord(PLANE)),
     **_same((200, 210), LanguageWord(UNITS)),
@@ -58,8 +61,8 @@ G_WORDS: dict[int, LanguageWord] = {
     640: LanguageWord(PATH_MODE, "PQ"),
     400: LanguageWord(COMPENSATION),
     430: LanguageWord(TOOL_LENGTH, "H"),
-    431: LanguageWord(TOOL_LENGTH, "XYZ"),
-    432: LanguageWord(TOOL_LENGTH, "HXYZ"),
+    431: LanguageWord(TOOL_LENGTH, AXIS_LETTERS),
+    432: LanguageWord(TOOL_LENGTH, f"H{AXIS_LETTERS}"),
     490: LanguageWord(TOOL_LENGTH),
     **_same((540, 550, 560, 570, 580, 590, 591, 592, 593), LanguageWord(SYSTEM)),
     **_same((980, 990), LanguageWord(RETRACT)),
@@ -86,8 +89,6 @@ M_WORDS: dict[int, LanguageWord] = {
 
 # What is known and not read: why, for the message that lists it.
 UNREAD: dict[str, str] = {
-    **dict.fromkeys("ABC", "rotary axes"),
-    **dict.fromkeys("UVW", "axes beside X, Y and Z"),
     **dict.fromkeys(("G5", "G5.1", "G5.2", "G5.3", "G6.2"), "splines; write G1, G2 or G3"),
     "G7": "diameters",
     **dict.fromkeys(("G17.1", "G18.1", "G19.1"), "planes of U, V and W"),

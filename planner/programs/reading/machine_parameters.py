@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import re
 
+from planner.geometry.curve import AXES, ROTARY_AXES
 from planner.programs.reading.expressions import ParameterKey
 from planner.programs.reading.language import DISTANCE, FEED_MODE, UNITS
 from planner.programs.reading.modal import INCH_MM, ReadingState
 from planner.programs.reading.offsets import SYSTEM_CODES
 
 _NAMES = (
-    *("_x", "_y", "_z", "_metric", "_imperial", "_absolute", "_incremental", "_inverse_time", "_coord_system"),
-    "_current_tool",
+    *(f"_{axis.lower()}" for axis in AXES),
+    *("_metric", "_imperial", "_absolute", "_incremental", "_inverse_time", "_coord_system", "_current_tool"),
 )
 # A line that asks for one of them, or for a number that is computed.
 ASKS = re.compile(rf"#(?:5[1-4]\d\d|\[|#|<(?:{'|'.join(_NAMES)})>)", re.IGNORECASE)
@@ -21,11 +22,12 @@ _SYSTEM_STEP = 20
 def machine_parameter(key: ParameterKey, state: ReadingState) -> float | None:
     """The value of a parameter of the machine, in the units in force; None for any other."""
     unit = INCH_MM if state.modal[UNITS] == 200 else 1.0
+    units = [1.0 if axis in ROTARY_AXES else unit for axis in AXES]
     offsets = state.offsets
     position = state.programmed - offsets.total
     if isinstance(key, str):
         named = {
-            **{name: float(position[axis]) / unit for axis, name in enumerate(_NAMES[:3])},
+            **{f"_{name.lower()}": float(position[axis]) / units[axis] for axis, name in enumerate(AXES)},
             "_metric": float(unit == 1.0),
             "_imperial": float(unit != 1.0),
             "_absolute": float(state.modal[DISTANCE] == 900),
@@ -44,6 +46,6 @@ def machine_parameter(key: ParameterKey, state: ReadingState) -> float | None:
         **{5221 + _SYSTEM_STEP * k: offsets.systems[k] for k in range(len(SYSTEM_CODES))},
     }  # fmt: skip
     for first, point in points.items():
-        if first <= key < first + 3:
-            return float(point[key - first]) / unit
+        if first <= key < first + len(AXES):
+            return float(point[key - first]) / units[key - first]
     return None

@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputError
-from planner.geometry.curve import MAX_COORDINATE
+from planner.geometry.curve import AXES, MAX_COORDINATE
 from planner.inputs import numbers
 from planner.programs.reading.blocks import Blocks
 from planner.programs.reading.language import (
+    AXIS_LETTERS,
     CENTRES,
     DISTANCE,
     FEED_MODE,
@@ -26,7 +27,7 @@ from planner.programs.reading.language import (
     RETRACT,
     UNITS,
 )  # fmt: skip
-from planner.programs.reading.offsets import Offsets
+from planner.programs.reading.offsets import Offsets, origin
 from planner.programs.reading.program import LINE, RAPID, Event, Program
 from planner.programs.reading.unread import UnreadWords
 from planner.programs.reading.words import LineArray, Mask
@@ -62,6 +63,7 @@ class ReadingState:
         }
     )  # fmt: skip
     feed: float = np.nan  # mm/s under G94
+    angular_feed: float = np.nan  # the same F in degrees/s
     feed_mode: int = 940
     tolerance: float = np.nan
     naive: float = np.nan
@@ -70,11 +72,12 @@ class ReadingState:
     selected: int = 0  # by T
     loaded: int = 0  # by M6
     series: CycleSeries | None = None
-    programmed: FloatArray = field(default_factory=lambda: np.zeros(3))
-    position: FloatArray = field(default_factory=lambda: np.zeros(3))  # where the last kept move ends
-    first: FloatArray = field(default_factory=lambda: np.zeros(3))
-    known: list[bool] = field(default_factory=lambda: [False] * 3)
-    axis_lines: LineArray = field(default_factory=lambda: np.zeros(3, dtype=np.int64))
+    programmed: FloatArray = field(default_factory=origin)
+    position: FloatArray = field(default_factory=origin)  # where the last kept move ends
+    first: FloatArray = field(default_factory=origin)
+    carried: int = 3  # axes whose points are columns: X Y Z, and all as soon as another is named
+    known: list[bool] = field(default_factory=lambda: [False] * len(AXES))
+    axis_lines: LineArray = field(default_factory=lambda: np.zeros(len(AXES), dtype=np.int64))
     shifts: list[tuple[int, int, float]] = field(default_factory=list)
     percents: int = 0
     blocks: int = 0
@@ -91,10 +94,13 @@ class ReadingState:
     def place(self, start: Sequence[float]) -> None:
         """Set the first position."""
         point = numbers(np.asarray(start), "start", InputError)
-        if point.shape != (3,) or not (np.abs(point) <= MAX_COORDINATE).all():
-            raise InputError(f"start = {start!r} must be three coordinates in mm, of at most 1e9")
-        self.programmed, self.position, self.first = point.copy(), point.copy(), point.copy()
-        self.known = [True] * 3
+        if point.shape not in ((3,), (len(AXES),)) or not (np.abs(point) <= MAX_COORDINATE).all():
+            raise InputError(
+                f"start = {start!r} must be three coordinates in mm, or nine of {' '.join(AXES)}, of at most 1e9"
+            )
+        for given in (self.programmed, self.position, self.first):
+            given[: point.size] = point
+        self.known = [True] * len(AXES)
 
     def stand(self, axis: int, at: float) -> None:
         """Let an axis without a word so far have stood somewhere from the start, mm."""
@@ -119,14 +125,16 @@ class ReadingState:
     def program(self) -> Program:
         """Put the parts together."""
         parts = self.parts or [MoveColumns.none()]
-        line, kind, end, centre, normal, sweep, feed, exact, tolerance, naive = (
-            np.concatenate([getattr(part, name) for part in parts]) for name in MoveColumns.__dataclass_fields__
+        line, kind, centre, normal, sweep, feed, exact, tolerance, naive = (
+            np.concatenate([getattr(part, name) for part in parts])
+            for name in MoveColumns.__dataclass_fields__
+            if name != "end"
         )
+        points = self._points(parts)
         for axis, count, shift in self.shifts:  # an axis stood there before its first word
-            end[:count, axis] += shift
-            centre[:count, axis] += shift
-            self.first[axis] += shift
-        start = np.concatenate([self.first[None], end[:-1]]) if line.size else end.copy()
+            points[: count + 1, axis] += shift
+            if axis < centre.shape[1]:
+                centre[:count, axis] += shift
         rapid = kind == RAPID
         stop = exact | rapid
         stop[:-1] |= rapid[1:]
@@ -139,9 +147,21 @@ class ReadingState:
         if (np.diff(line) <= 0).any():
             zero = zero[~np.isin(zero, line)]
         return Program(
-            self.source, line, kind, start, end, centre, normal, sweep, feed, stop, tolerance, naive,
+            self.source, line, kind, points[:-1], points[1:], centre, normal, sweep, feed, stop, tolerance, naive,
             tuple(self.events), zero, self.line_count, self.axis_lines, self._notes(),
         )  # fmt: skip
+
+    def _points(self, parts: list[MoveColumns]) -> FloatArray:
+        """Where the machine stands before the first move and after each, (m + 1, 9), as far as was known at every part."""
+        points = np.empty((sum(part.line.size for part in parts) + 1, self.first.size))
+        points[0] = self.first
+        at = 1
+        for part in parts:
+            rows, carried = slice(at, at + part.line.size), part.end.shape[1]
+            points[rows, :carried] = part.end
+            points[rows, carried:] = self.first[carried:]  # these have not moved so far
+            at = rows.stop
+        return points
 
     def _notes(self) -> tuple[str, ...]:
         """What was passed over, and what was taken for 0."""
@@ -162,7 +182,7 @@ class ReadingState:
 
 @dataclass(frozen=True, eq=False)
 class MoveColumns:
-    """The kept moves of a part; columns as in Program, and whether G61 or G61.1 was active."""
+    """The kept moves of a part; columns as in Program, ends in the axes carried, and whether G61 or G61.1 was active."""
 
     line: LineArray
     kind: NDArray[np.uint8]
@@ -201,29 +221,31 @@ def carry_modal(blocks: Blocks, before: dict[int, int]) -> tuple[dict[int, int],
 
 
 def units(modal: dict[int, LineArray]) -> FloatArray:
-    """Length unit of every block, mm."""
+    """Length unit of every block, mm; angles are degrees always."""
     return np.where(modal[UNITS] == 200, INCH_MM, 1.0)
 
 
 def carry_feeds(
     blocks: Blocks, modal: dict[int, LineArray], unit: FloatArray, kind: LineArray, state: ReadingState
-) -> tuple[FloatArray, FloatArray]:
-    """Feed at every block in mm/s (G94), and moves a second (G93; nan elsewhere)."""
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Feed at every block in mm/s and in degrees/s (G94), and moves a second (G93; nan elsewhere)."""
     faults, f, mode = blocks.faults, blocks.letters["F"], modal[FEED_MODE]
     per_minute, cuts = mode == 940, kind >= LINE
     given = f.given & per_minute
     changed = np.append(mode[0] != state.feed_mode, mode[1:] != mode[:-1])
-    feed = np.asarray(_carried(given | changed, np.where(given, f.value * unit / 60.0, np.nan), state.feed))
-    state.feed, state.feed_mode = float(feed[-1]), int(mode[-1])
+    last = np.where(given, f.value / 60.0, np.nan)
+    feed = np.asarray(_carried(given | changed, last * unit, state.feed))
+    angular = np.asarray(_carried(given | changed, last, state.angular_feed))
+    state.feed, state.angular_feed, state.feed_mode = float(feed[-1]), float(angular[-1]), int(mode[-1])
     word = np.where(blocks.g[MOTION].given, blocks.g[MOTION].word, blocks.first)
     unnamed = cuts & ~blocks.g[MOTION].given
-    word[unnamed] = blocks.first_of("XYZIJKR", unnamed)
+    word[unnamed] = blocks.first_of(f"{AXIS_LETTERS}IJKR", unnamed)
     faults.add(word[cuts & per_minute & np.isnan(feed)], "no feed is given; F is missing")
     faults.add(word[cuts & per_minute & (feed == 0.0)], "the feed is 0; F must be > 0")
     faults.add(word[cuts & ~per_minute & ~f.given], "G93 needs an F in every block that cuts")
     faults.add(f.at(cuts & ~per_minute & (f.value == 0.0)), "must be > 0")
     faults.add(f.at(~cuts & ~per_minute), "under G93 an F belongs to a block with G1, G2 or G3")
-    return feed, np.where(cuts & ~per_minute & f.given, f.value / 60.0, np.nan)
+    return feed, angular, np.where(cuts & ~per_minute & f.given, f.value / 60.0, np.nan)
 
 
 def carry_tolerances(blocks: Blocks, unit: FloatArray, state: ReadingState) -> tuple[FloatArray, FloatArray]:

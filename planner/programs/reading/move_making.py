@@ -12,7 +12,7 @@ from planner.programs.reading.arcs import resolve_arcs
 from planner.programs.reading.language import CENTRES, MOTION, PATH_MODE, PLANE
 from planner.programs.reading.modal import MoveColumns
 from planner.programs.reading.positions import ProgramTrack
-from planner.programs.reading.program import ARC, RAPID, ZERO_LENGTH_MM, arc_lengths
+from planner.programs.reading.program import ANGULAR, ARC, RAPID, ZERO_LENGTH_MM, arc_lengths, feed_lengths
 from planner.programs.reading.words import LineArray
 from planner.types import FloatArray
 
@@ -21,9 +21,10 @@ _LONG_ARC_MM = 1e6  # a full turn of this length is likely a short move whose di
 
 @dataclass(frozen=True, eq=False)
 class BlockFeeds:
-    """At every block: feed in mm/s, moves a second under G93 or nan, and P and Q of G64, mm."""
+    """At every block: feed in mm/s and degrees/s, moves a second under G93 or nan, and P and Q of G64, mm."""
 
     feed: FloatArray
+    angular: FloatArray
     rate: FloatArray
     tolerance: FloatArray
     naive: FloatArray
@@ -47,22 +48,23 @@ def make_moves(track: ProgramTrack, feeds: BlockFeeds) -> MovesOfPart:
     rows, kind, ends = _programmed(track)
     before = state.position.copy()
     keep = np.empty(rows.size, dtype=np.uint8)
-    core.reader_merge_short_moves(rows.size, ends, kind == ARC, ZERO_LENGTH_MM, state.position, keep)
+    core.reader_merge_short_moves(rows.size, ends.shape[1], ends, kind == ARC, ZERO_LENGTH_MM, state.position, keep)
     state.zero_lines.append(blocks.line[rows[keep == 0]])
     dwells = _dwells(track, rows, keep)
     kept = keep == 1
     rows, kind, end = rows[kept], kind[kept], ends[kept]
-    start = np.concatenate([before[None], end])[:-1]
+    start = np.concatenate([before[None, : end.shape[1]], end])[:-1]
     normal = np.array([2, 1, 0], dtype=np.uint8)[modal[PLANE][rows] // 10 - 17]
-    centre, sweep = np.full(end.shape, np.nan), np.zeros(rows.size)
-    travel = np.sqrt(np.sum((end - start) ** 2, axis=1))
-    arcs = np.flatnonzero(kind == ARC)
+    centre, sweep = np.full((rows.size, 3), np.nan), np.zeros(rows.size)
+    arcs, along = np.flatnonzero(kind == ARC), np.empty(0)
     if arcs.size:
-        centre[arcs], sweep[arcs] = _arcs(track, rows[arcs], (start[arcs], end[arcs], normal[arcs]))
-        travel[arcs] = arc_lengths(start[arcs], end[arcs], centre[arcs], normal[arcs], sweep[arcs])
-        for k in arcs[(travel[arcs] > _LONG_ARC_MM) & (np.abs(sweep[arcs]) >= 2.0 * np.pi)].tolist():
-            state.long_arcs.append((int(blocks.line[rows[k]]), float(travel[k]), abs(float(sweep[k])) / (2.0 * np.pi)))
-    feed, rate = feeds.feed[rows], feeds.rate[rows]
+        centre[arcs], sweep[arcs] = _arcs(track, rows[arcs], (start[arcs, :3], end[arcs, :3], normal[arcs]))
+        along = arc_lengths(start[arcs], end[arcs], centre[arcs], normal[arcs], sweep[arcs])
+        for k in np.flatnonzero((along > _LONG_ARC_MM) & (np.abs(sweep[arcs]) >= 2.0 * np.pi)).tolist():
+            turns = abs(float(sweep[arcs[k]])) / (2.0 * np.pi)
+            state.long_arcs.append((int(blocks.line[rows[arcs[k]]]), float(along[k]), turns))
+    travel, group = feed_lengths(start, end, arcs, along)
+    feed, rate = np.where(group == ANGULAR, feeds.angular[rows], feeds.feed[rows]), feeds.rate[rows]
     feed = np.where(kind == RAPID, np.inf, np.where(np.isnan(rate), feed, travel * rate))
     exact = modal[PATH_MODE][rows] != 640
     columns = MoveColumns(
@@ -81,7 +83,7 @@ def _programmed(track: ProgramTrack) -> tuple[LineArray, LineArray, FloatArray]:
     rows = np.append(rows, [move.row for move in track.side])
     order = np.argsort(rows, kind="stable")
     kind = np.append(kind, [move.kind for move in track.side])
-    ends = np.concatenate([ends, [move.end for move in track.side]])
+    ends = np.concatenate([ends, [move.end[: ends.shape[1]] for move in track.side]])
     return rows[order], kind[order], np.ascontiguousarray(ends[order])
 
 
@@ -101,7 +103,7 @@ def _arcs(
     blocks, modal, unit, (start, end, normal) = track.blocks, track.modal, track.unit, move
     offsets = np.stack([blocks.letters[name].value[rows] * unit[rows] for name in "IJK"], axis=1)
     centre = np.where(
-        (modal[CENTRES][rows] == 901)[:, None], track.origins(rows) + offsets, track.points[rows] + offsets
+        (modal[CENTRES][rows] == 901)[:, None], track.origins(rows) + offsets, track.points[rows, :3] + offsets
     )
     r = blocks.letters["R"]
     radius = np.where(r.given[rows], r.value[rows] * unit[rows], np.nan)

@@ -11,45 +11,51 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from planner.geometry.curve import AXES
 from planner.programs.reading.setup import Tool
 from planner.types import FloatArray
 
 SYSTEM_CODES = (540, 550, 560, 570, 580, 590, 591, 592, 593)
 
 
-def _origin() -> FloatArray:
-    return np.zeros(3)
+def origin() -> FloatArray:
+    """0 in every axis, (9,)."""
+    return np.zeros(len(AXES))
 
 
 @dataclass
 class Offsets:
-    """The offsets in force, mm, and the tools.
+    """The offsets in force, of every axis in the order of ``AXES``, mm and degrees, and the tools.
 
     ``given`` are the tools of a table, None where there is none: then a tool that the program gives no length has 0.
     """
 
     given: Mapping[int, Tool] | None = None
     written: dict[int, FloatArray] = field(default_factory=dict)  # by G10 L1
-    systems: FloatArray = field(default_factory=lambda: np.zeros((9, 3)))
+    systems: FloatArray = field(default_factory=lambda: np.zeros((len(SYSTEM_CODES), len(AXES))))
     active: int = 0
-    shift: FloatArray = field(default_factory=_origin)  # of G92
-    kept_shift: FloatArray = field(default_factory=_origin)  # that G92.3 brings back
-    length: FloatArray = field(default_factory=_origin)
-    home: dict[int, FloatArray] = field(default_factory=lambda: {280: np.zeros(3), 300: np.zeros(3)})
+    shift: FloatArray = field(default_factory=origin)  # of G92
+    kept_shift: FloatArray = field(default_factory=origin)  # that G92.3 brings back
+    length: FloatArray = field(default_factory=origin)
+    home: dict[int, FloatArray] = field(default_factory=lambda: {280: origin(), 300: origin()})
     assumed: dict[str, int] = field(default_factory=dict)  # what was taken for 0, with the first line
 
     @property
     def total(self) -> FloatArray:
-        """From the numbers of the program to the machine, (3,), mm."""
+        """From the numbers of the program to the machine, (9,), mm and degrees."""
         return np.asarray(self.systems[self.active] + self.shift + self.length)
 
     def of_tool(self, number: int) -> FloatArray | None:
-        """Offset of a tool, mm; None where a table is given and lacks it."""
+        """Offset of a tool, (9,), mm and degrees; None where a table is given and lacks it."""
         if number in self.written:
             return self.written[number]
         if number == 0 or self.given is None:
-            return np.zeros(3)
-        return np.array(self.given[number].offset) if number in self.given else None
+            return origin()
+        if number not in self.given:
+            return None
+        found = origin()
+        found[: len(self.given[number].offset)] = self.given[number].offset
+        return found
 
     def assume(self, what: str, line: int) -> None:
         """Note that something the program does not say was taken for 0."""

@@ -10,11 +10,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from planner.geometry.curve import MAX_COORDINATE
+from planner.geometry.curve import AXES, MAX_COORDINATE, ROTARY_AXES
 from planner.programs.reading.blocks import Blocks
-from planner.programs.reading.language import CHANGE, DISTANCE, MOTION, ONCE, SYSTEM, TOOL_LENGTH
+from planner.programs.reading.language import AXIS_LETTERS, CHANGE, DISTANCE, MOTION, ONCE, SYSTEM, TOOL_LENGTH
 from planner.programs.reading.modal import INCH_MM, ReadingState
-from planner.programs.reading.program import ARC, AXES, RAPID
+from planner.programs.reading.offsets import origin
+from planner.programs.reading.program import ARC, RAPID
 from planner.programs.reading.words import LineArray
 from planner.types import FloatArray
 
@@ -24,7 +25,7 @@ CYCLE = ARC + 1  # kind of a block with a canned cycle, beside those of moves
 
 @dataclass
 class SideMove:
-    """A move of a block that makes several, or that is not where its words say: its end, mm, and a dwell after it, s."""
+    """A move of a block that makes several, or that is not where its words say: its end, (9,), and a dwell after it, s."""
 
     row: int
     kind: int
@@ -34,7 +35,10 @@ class SideMove:
 
 @dataclass
 class ProgramTrack:
-    """The programmed points of a part as they are made: before the first and after every block, (n + 1, 3), mm."""
+    """The programmed points of a part as they are made: before the first and after every block, mm and degrees.
+
+    The points are (n + 1, 3) as long as only X, Y and Z are named or can move, else (n + 1, 9).
+    """
 
     blocks: Blocks
     modal: dict[int, LineArray]
@@ -46,8 +50,12 @@ class ProgramTrack:
     totals: list[tuple[int, FloatArray]] = field(default_factory=list)  # the offsets from a block on
 
     def __post_init__(self) -> None:
-        self.points = np.empty((self.kind.size + 1, 3))
-        self.points[0] = self.state.programmed
+        state = self.state
+        homes = state.offsets.home.values()
+        if self.blocks.any_of(AXIS_LETTERS[3:]).any() or any(home[3:].any() for home in homes):
+            state.carried = len(AXES)
+        self.points = np.empty((self.kind.size + 1, state.carried))
+        self.points[0] = state.programmed[: state.carried]
 
     def special_rows(self) -> LineArray:
         """Blocks at which something is done that is no plain move."""
@@ -64,18 +72,19 @@ class ProgramTrack:
         return bool(once.given[row]) and once.value[row] == _MACHINE
 
     def stand(self, row: int, axis: int, at: float) -> None:
-        """Let an axis without a word before a block have stood somewhere from the start, mm."""
+        """Let an axis without a word before a block have stood somewhere from the start, mm or degrees."""
         shift = at - self.state.programmed[axis]
         self.state.stand(axis, at)
         self.state.known[axis] = True
-        self.points[: row + 1, axis] += shift
+        if axis < self.points.shape[1]:
+            self.points[: row + 1, axis] += shift
         for move in self.side:
             move.end[axis] += shift
 
     def origins(self, rows: LineArray) -> FloatArray:
         """What absolute centres of arcs at these blocks count from, (m, 3), mm."""
         at = np.searchsorted([row for row, _ in self.totals], rows, side="right") - 1
-        return np.array([total for _, total in self.totals])[at]
+        return np.array([total[:3] for _, total in self.totals])[at]
 
     def run(self, first: int, last: int) -> None:
         """Carry the position through the blocks from the first to before the last."""
@@ -85,14 +94,16 @@ class ProgramTrack:
         ):
             state.series = None
         machine = last == first + 1 and self.in_machine_coordinates(first)
-        offset = np.zeros(3) if machine else state.offsets.total
+        offset = origin() if machine else state.offsets.total
         self.totals.append((first, offset))
         kind, unit = self.kind[first:last], self.unit[first:last]
         absolute = np.ones(1, dtype=np.bool_) if machine else self.modal[DISTANCE][first:last] == 900
         moving = kind >= RAPID
-        for axis, name in enumerate(AXES):
+        for axis, name in enumerate(AXES[: state.carried]):
             column = self.blocks.letters[name]
-            given, target = column.given[first:last] & moving, column.value[first:last] * unit
+            given, target = column.given[first:last] & moving, column.value[first:last]
+            if name not in ROTARY_AXES:
+                target = target * unit
             if state.axis_lines[axis] == 0 and given.any():
                 row = int(np.argmax(given))
                 state.axis_lines[axis] = self.blocks.line[first + row]
@@ -106,7 +117,7 @@ class ProgramTrack:
             at = np.maximum.accumulate(np.where(given & absolute, rows, -1))
             since = np.where(at >= 0, steps - steps[at], steps)
             out[:] = np.where(at >= 0, target[at] + offset[axis], state.programmed[axis]) + since
-        state.programmed = self.points[last].copy()
+        state.programmed[: state.carried] = self.points[last]
 
     def require_near(self) -> None:
         """Refuse blocks that lead too far."""
@@ -115,6 +126,8 @@ class ProgramTrack:
 
 
 def block_numbers(blocks: Blocks, row: int, unit: float) -> list[float | None]:
-    """The numbers behind X, Y and Z in a block, mm."""
+    """The numbers behind the letters of the axes in a block, mm and degrees."""
     found = [blocks.number(row, name) for name in AXES]
-    return [None if value is None else value * unit for value in found]
+    return [
+        value if value is None or name in ROTARY_AXES else value * unit for name, value in zip(AXES, found, strict=True)
+    ]

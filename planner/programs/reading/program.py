@@ -1,4 +1,4 @@
-"""A part program as arrays: one row a move, units mm and s, every modal word resolved."""
+"""A part program as arrays: one row a move, units mm, degrees and s, every modal word resolved."""
 
 from __future__ import annotations
 
@@ -9,17 +9,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputError
+from planner.geometry.curve import AXES
 from planner.inputs import require_instance
 from planner.machine.limits import Limits
 from planner.types import FloatArray
 
 RAPID, LINE, ARC = 0, 1, 2
-AXES = ("X", "Y", "Z")
 _COLUMNS = (
     "line", "kind", "start", "end", "centre", "normal", "sweep", "feed", "stop_after", "tolerance", "naive_tolerance"
 )  # fmt: skip
-# Shorter moves are none: the line is kept and takes no time.
+# Shorter moves are none: the line is kept and takes no time.  Degrees count as mm.
 ZERO_LENGTH_MM = 1e-6
+# Columns of the axes that a feed is measured along, the first of them that move: X Y Z, U V W, A B C.
+FEED_GROUPS = (slice(0, 3), slice(6, 9), slice(3, 6))
+ANGULAR = 2
+# Less is no motion of a group.  Of a move that is one, some group has at least ZERO_LENGTH_MM / sqrt(3).
+_NO_MOTION = 0.5 * ZERO_LENGTH_MM
 
 
 @dataclass(frozen=True)
@@ -59,18 +64,21 @@ class Program:
         Line number in the file, from 1.  A line may have several moves, and be run again.
     kind : (m,) uint8 array
         ``RAPID``, ``LINE`` or ``ARC`` (helices and spirals as well).
-    start, end : (m, 3) arrays
-        X, Y, Z in mm; every move starts where the one before it ends.
+    start, end : (m, 9) arrays
+        The axes in the order of :data:`~planner.geometry.curve.AXES`, mm, of A B C degrees; every move starts where the one
+        before it ends.
     centre : (m, 3) array
-        Of an arc, mm; its coordinate along the normal is that of the start.  nan for lines and rapids.
+        X, Y, Z of the centre of an arc, mm; the coordinate along the normal is that of the start.  nan for lines and
+        rapids.
     normal : (m,) uint8 array
         Axis normal to the arc's plane: 2 for G17, 1 for G18, 0 for G19.
     sweep : (m,) array
         Angle swept about the positive normal axis by the right-hand rule (G3 > 0, G2 < 0 in every plane), rad, at most
-        a full turn, or with a P word whole turns more; 0 for lines and rapids.  The coordinate along the normal, and the
-        radius where start and end differ in it, are linear in the angle.
+        a full turn, or with a P word whole turns more; 0 for lines and rapids.  The coordinates along the normal and of
+        all other axes, and the radius where start and end differ in it, are linear in the angle.
     feed : (m,) array
-        Cap on the feed of the tool tip, mm/s; inf for rapids.  A line under G93 has its length over its time.
+        Cap on the feed as ``lengths`` measures it, mm/s or degrees/s; inf for rapids.  A move under G93 has its length over
+        its time.
     stop_after : (m,) bool array
         The program demands an exact stop after this move.
     tolerance : (m,) array
@@ -83,8 +91,8 @@ class Program:
         Lines whose move is shorter than ``ZERO_LENGTH_MM`` and was merged; their other words act.
     line_count : int
         Lines in the file.
-    axis_lines : (3,) int64 array
-        The line of the first word of X, Y and Z; 0 where there is none.
+    axis_lines : (9,) int64 array
+        The line of the first word of each axis; 0 where there is none.
     notes : tuple of str
         What was passed over as asked, and what was taken for 0 since the program does not say it.
     """
@@ -125,17 +133,27 @@ class Program:
         """Names of the axes the program has a word for."""
         return tuple(name for name, line in zip(AXES, self.axis_lines, strict=True) if line > 0)
 
-    @cached_property
+    @property
     def lengths(self) -> FloatArray:
-        """Path length of every move, (m,), mm."""
-        travel = np.sqrt(np.sum((self.end - self.start) ** 2, axis=1))
+        """Length of every move as its feed is measured, (m,), mm or degrees.
+
+        LinuxCNC's rule: along X Y Z where any of these moves, else along U V W, else along A B C.
+        """
+        return self._measured[0]
+
+    @property
+    def feed_group(self) -> NDArray[np.uint8]:
+        """Index into ``FEED_GROUPS`` of the axes that the feed of every move is measured along, (m,)."""
+        return self._measured[1]
+
+    @cached_property
+    def _measured(self) -> tuple[FloatArray, NDArray[np.uint8]]:
         arcs = np.flatnonzero(self.kind == ARC)
-        if arcs.size:
-            travel[arcs] = arc_lengths(
-                self.start[arcs], self.end[arcs], self.centre[arcs], self.normal[arcs], self.sweep[arcs]
-            )
-        travel.setflags(write=False)
-        return travel
+        along = arc_lengths(self.start[arcs], self.end[arcs], self.centre[arcs], self.normal[arcs], self.sweep[arcs])
+        found = feed_lengths(self.start, self.end, arcs, along)
+        for array in found:
+            array.setflags(write=False)
+        return found
 
     def require_axes(self, limits: Limits) -> Limits:
         """Limits with axes: the machine's, or of one number for every axis those that the program names.
@@ -164,10 +182,43 @@ def rows_of(program: Program, rows: slice | NDArray[np.intp]) -> Program:
     return replace(program, **{name: getattr(program, name)[rows] for name in _COLUMNS}, events=())
 
 
+def feed_lengths(
+    start: FloatArray, end: FloatArray, arcs: NDArray[np.intp], along: FloatArray
+) -> tuple[FloatArray, NDArray[np.uint8]]:
+    """Length of moves as their feed is measured, (m,), and which of ``FEED_GROUPS`` that is.
+
+    Parameters
+    ----------
+    start, end : (m, k) arrays
+        Points in the axes that are carried: X Y Z, or all nine.
+    arcs : (n,) int array
+        Moves that are arcs.
+    along : (n,) array
+        Their lengths in X Y Z, mm.
+    """
+    length = _distance(start, end, FEED_GROUPS[0])
+    length[arcs] = along
+    group = np.zeros(length.size, dtype=np.uint8)
+    if start.shape[1] > FEED_GROUPS[0].stop:
+        for number in (1, 2):
+            rest = np.flatnonzero(length < _NO_MOTION)
+            other = _distance(start[rest], end[rest], FEED_GROUPS[number])
+            moves = other >= _NO_MOTION
+            length[rest[moves]], group[rest[moves]] = other[moves], number
+    return length, group
+
+
+def _distance(start: FloatArray, end: FloatArray, columns: slice) -> FloatArray:
+    square = np.zeros(start.shape[0])
+    for column in range(columns.start, columns.stop):
+        square += (end[:, column] - start[:, column]) ** 2
+    return np.sqrt(square)
+
+
 def arc_lengths(
     start: FloatArray, end: FloatArray, centre: FloatArray, normal: NDArray[np.uint8], sweep: FloatArray
 ) -> FloatArray:
-    """Length of arcs, helices and spirals, (m,), mm.
+    """Length of arcs, helices and spirals in X Y Z, (m,), mm.
 
     On a spiral the radius goes linearly from r0 to r1; sqrt((rm sweep)^2 + (r1 - r0)^2 + h^2) with the mean radius rm
     is exact where r0 = r1, and within (r1 - r0)^2 |sweep| / (24 rm) elsewhere.

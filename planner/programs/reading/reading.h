@@ -18,8 +18,8 @@ int64_t words_scan(int64_t size, const uint8_t *text, uint8_t *letter, double *v
  * (n) kept.
  *
  * Measured from there, and not from the programmed point before, many short moves cannot add up to a lost one.  ends
- * (n, 3); position (3) is where the first starts, and then where the last kept one ends. */
-void reader_merge_short_moves(int64_t n, const double *ends, const uint8_t *always, double threshold, double *position,
-                              uint8_t *keep);
+ * (n, axes); position (axes) is where the first starts, and then where the last kept one ends. */
+void reader_merge_short_moves(int64_t n, int64_t axes, const double *ends, const uint8_t *always, double threshold,
+                              double *position, uint8_t *keep);
 
 #endif

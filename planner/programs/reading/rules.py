@@ -6,6 +6,7 @@ import numpy as np
 
 from planner.programs.reading.blocks import Blocks, WordColumn
 from planner.programs.reading.language import (
+    AXIS_LETTERS,
     CENTRES,
     CYCLES,
     G_WORDS,
@@ -26,8 +27,9 @@ from planner.programs.reading.program import ARC, LINE, RAPID
 from planner.programs.reading.words import LineArray, Mask
 
 _DWELL = 40
+_MOVING = f"{AXIS_LETTERS}IJKR"
 _NAMES_SHOWN = 8
-# Words whose X, Y and Z are no end of a move.
+# Words whose words of axes are no end of a move.
 _TAKE_AXES = {
     group: tuple(code for code, word in G_WORDS.items() if word.group == group and "X" in word.takes)
     for group in (ONCE, TOOL_LENGTH)
@@ -52,7 +54,7 @@ _OWNERS = _owners()
 
 
 def takes_axes(blocks: Blocks) -> Mask:
-    """Blocks whose X, Y and Z belong to another word than a motion."""
+    """Blocks whose words of axes belong to another word than a motion."""
     out = np.zeros(blocks.line.size, dtype=np.bool_)
     for group, codes in _TAKE_AXES.items():
         if blocks.g[group].given.any():
@@ -80,8 +82,8 @@ def check_words(blocks: Blocks, motion: LineArray, kind: LineArray) -> None:
     faults.add(r.at(blocks.any_of("IJK")), "an arc has a radius R or a centre I, J, K, not both")
     faults.add(q.at(blend & ~p.given), "needs the tolerance P beside it")
     dwell = blocks.g[ONCE].has(_DWELL)
-    moving = blocks.any_of("XYZIJKR")
-    faults.add(blocks.first_of("XYZIJKR", dwell & moving), "motion beside G4; write the dwell in a block of its own")
+    moving = blocks.any_of(_MOVING)
+    faults.add(blocks.first_of(_MOVING, dwell & moving), "motion beside G4; write the dwell in a block of its own")
     for column, letter, table in (
         *((column, "G", G_WORDS) for column in blocks.g), *((column, "M", M_WORDS) for column in blocks.m)
     ):  # fmt: skip
@@ -133,16 +135,16 @@ def _name(letter: str, code: int) -> str:
 def check_motion(blocks: Blocks, modal: dict[int, LineArray]) -> LineArray:
     """What every block moves: RAPID, LINE, ARC, CYCLE, or -1 for nothing."""
     faults, active, word = blocks.faults, modal[MOTION], blocks.g[MOTION]
-    other, named = takes_axes(blocks), blocks.any_of("XYZ")
+    other, named = takes_axes(blocks), blocks.any_of(AXIS_LETTERS)
     ends, centres = named & ~other, blocks.any_of("IJKR") & ~other
     arc = (active == 20) | (active == 30)
     faults.add(
-        blocks.first_of("XYZ", named & other & word.given),
+        blocks.first_of(AXIS_LETTERS, named & other & word.given),
         "belongs to the other word of the block; write the motion in a block of its own",
     )
-    faults.add(blocks.first_of("XYZ", ends & (active == 800)), "no G0, G1, G2, G3 or cycle is active")
+    faults.add(blocks.first_of(AXIS_LETTERS, ends & (active == 800)), "no G0, G1, G2, G3 or cycle is active")
     faults.add(word.at(arc & ~ends & ~centres & ~other), "an arc needs an end point or a centre")
-    faults.add(blocks.first_of("XYZ", arc & ends & ~centres), "an arc needs a centre I, J, K or a radius R")
+    faults.add(blocks.first_of(AXIS_LETTERS, arc & ends & ~centres), "an arc needs a centre I, J, K or a radius R")
     plane = modal[PLANE]
     for name, code in (("I", 190), ("J", 180), ("K", 170)):
         column = blocks.letters[name]
@@ -158,6 +160,11 @@ def check_motion(blocks: Blocks, modal: dict[int, LineArray]) -> LineArray:
     if ((active > 30) & (active != 800)).any():
         kind[np.isin(active, PROBES) & ends] = LINE
         cycle = np.isin(active, CYCLES)
-        kind[cycle & ends] = CYCLE
+        kind[cycle & blocks.any_of("XYZ")] = CYCLE
+        other_axes = AXIS_LETTERS[3:]
+        faults.add(
+            blocks.first_of(other_axes, cycle & ends & blocks.any_of(other_axes)),
+            "a cycle moves X, Y and Z alone; write the move of the other axis in a block of its own",
+        )
         faults.add(word.at(cycle & ~ends & ~other), "a cycle needs X, Y or Z")
     return kind

@@ -8,17 +8,17 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from planner.errors import InputError
+from planner.geometry.curve import AXES
 from planner.inputs import require_path, shorten
 
 _ENTRY = re.compile(r"([A-Z])([-+]?\d*\.?\d+(?:E[-+]?\d+)?|[-+]?\d+\.)", re.IGNORECASE)
-_AXES = "XYZ"
 
 
 @dataclass(frozen=True)
 class Tool:
-    """A tool: its offsets along X, Y and Z, of which Z is the length, and its diameter, mm."""
+    """A tool: its offsets along X Y Z A B C U V W, mm and degrees, or those of the first of them; and its diameter, mm."""
 
-    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    offset: tuple[float, ...] = (0.0, 0.0, 0.0)
     diameter: float = 0.0
 
 
@@ -50,8 +50,8 @@ def read_tool_table(path: str | Path) -> Mapping[int, Tool]:
             )
         if int(tool) in tools:
             raise InputError(f"{file.name}:{number}: T{tool:g}: the tool is in the table already")
-        x, y, z = (entries.get(axis, 0.0) for axis in _AXES)
-        tools[int(tool)] = Tool((x, y, z), entries.get("D", 0.0))
+        offset = [entries.get(axis, 0.0) for axis in AXES]
+        tools[int(tool)] = Tool(tuple(offset if any(offset[3:]) else offset[:3]), entries.get("D", 0.0))
     if not tools:
         raise InputError(f"{file.name}:1: end of file: there is no tool in the table; give a line T1 P1 Z40 for each")
     return tools

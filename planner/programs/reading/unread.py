@@ -88,7 +88,7 @@ def ignored_words(names: Sequence[str]) -> frozenset[str]:
     for name in [names] if isinstance(names, str) else names:
         match = _WORD.fullmatch(name.strip().upper()) if isinstance(name, str) else None
         if match is None or ((match[1] in "GM") != bool(match[2].strip("."))):
-            raise InputError(f"ignore = {name!r} must be a word to pass over, as A, M123 or G38.2")
+            raise InputError(f"ignore = {name!r} must be a word to pass over, as M123 or G6.2")
         if match[1] not in "GM":
             known, short = match[1] in NUMBER_LETTERS, match[1]
         else:

@@ -13,7 +13,7 @@ def moves(program, first=1):
     """Kind and end of the moves of a program after those of its start."""
     return [
         ("R" if k == RAPID else "L", *end)
-        for k, end in zip(program.kind[first:], program.end[first:].tolist(), strict=True)
+        for k, end in zip(program.kind[first:], program.end[first:, :3].tolist(), strict=True)
     ]
 
 

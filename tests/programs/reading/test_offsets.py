@@ -15,12 +15,12 @@ END = "\nM2\n"
 class TestSystems:
     def test_an_origin_that_the_program_sets(self, read):
         p = read("G10 L2 P2 X100 Y50 Z-10\nF60\nG1 X1 Y2 Z3\nG55 G1 X1 Y2 Z3\nX0\nG54 X1" + END)
-        assert p.end.tolist() == [[1, 2, 3], [101, 52, -7], [100, 52, -7], [1, 52, -7]]
+        assert p.end[:, :3].tolist() == [[1, 2, 3], [101, 52, -7], [100, 52, -7], [1, 52, -7]]
         assert p.notes == ()
 
     def test_a_change_of_system_moves_nothing(self, read):
         p = read("F60\nG10 L2 P3 X10\nG1 X5\nG56\nG91 X1\nG90 Y1" + END)
-        assert p.end.tolist() == [[5, 0, 0], [6, 0, 0], [6, 1, 0]]
+        assert p.end[:, :3].tolist() == [[5, 0, 0], [6, 0, 0], [6, 1, 0]]
 
     def test_all_nine_and_the_active_one(self, read):
         codes = ("54", "55", "56", "57", "58", "59", "59.1", "59.2", "59.3")
@@ -31,7 +31,7 @@ class TestSystems:
 
     def test_where_the_machine_stands_becomes_a_point(self, read):
         p = read("F60\nG1 X10 Y5\nG10 L20 P2 X1 Y0\nG55 X2 Y2" + END)
-        assert p.end.tolist() == [[10, 5, 0], [11, 7, 0]]
+        assert p.end[:, :3].tolist() == [[10, 5, 0], [11, 7, 0]]
 
     def test_in_inches(self, read):
         p = read("G20 F60\nG10 L2 P2 X1\nG55 G1 X1" + END)
@@ -44,13 +44,13 @@ class TestSystems:
     def test_absolute_centres_move_along(self, read):
         p = read("F60\nG10 L2 P2 X100\nG55 G90.1\nG1 X5 Y0\nG3 X0 Y5 I0 J0" + END)
         assert p.centre[1].tolist() == [100, 0, 0]
-        assert p.end[1].tolist() == [100, 5, 0]
+        assert p.end[1, :3].tolist() == [100, 5, 0]
 
 
 class TestShift:
     def test_where_the_machine_stands_gets_another_number(self, read):
         p = read("F60\nG1 X10\nG92 X0 Y2\nX5 Y3\nG92.1\nX1 Y1" + END)
-        assert p.end.tolist() == [[10, 0, 0], [15, 1, 0], [1, 1, 0]]
+        assert p.end[:, :3].tolist() == [[10, 0, 0], [15, 1, 0], [1, 1, 0]]
 
     def test_two_of_them_add_up(self, read):
         p = read("F60\nG1 X10\nG92 X0\nX5\nG92 X0\nX1" + END)
@@ -66,7 +66,7 @@ class TestShift:
 
     def test_machine_coordinates_know_no_shift(self, read):
         p = read("F60\nG10 L2 P1 X100 Z-5\nG1 X1 Z1\nG91 G53 G0 X3\nG90 G1 X1" + END)
-        assert p.end.tolist() == [[101, 0, -4], [3, 0, -4], [101, 0, -4]]
+        assert p.end[:, :3].tolist() == [[101, 0, -4], [3, 0, -4], [101, 0, -4]]
         assert p.kind.tolist() == [LINE, RAPID, LINE]
 
     def test_machine_coordinates_need_a_straight_move(self, refusal):
@@ -77,25 +77,25 @@ class TestLengths:
     def test_of_a_table(self, read):
         tools = {1: Tool((0.0, 0.0, 40.0)), 7: Tool((1.0, 0.0, 25.0))}
         p = read("F60\nT7 M6\nG43\nG1 X1 Z0\nG43 H1 Z0\nG49 Z0\nX0" + END, tools=tools)
-        assert p.end.tolist() == [[2, 0, 25], [2, 0, 40], [2, 0, 0], [0, 0, 0]]
+        assert p.end[:, :3].tolist() == [[2, 0, 25], [2, 0, 40], [2, 0, 0], [0, 0, 0]]
         assert p.notes == ()
 
     def test_of_the_program_itself(self, read):
         p = read("F60\nG10 L1 P3 Z12.5\nG43 H3\nG1 Z1\nG43.2 H3 Z0" + END)
-        assert p.end[0].tolist() == [0, 0, 13.5]
+        assert p.end[0, :3].tolist() == [0, 0, 13.5]
 
     def test_given_in_the_block(self, read):
         p = read("F60\nG43.1 Z2\nG1 Z1\nG43.1 X3\nX1 Z1\nG43.2 Z1\nZ1" + END)
-        assert p.end.tolist() == [[0, 0, 3], [4, 0, 3], [4, 0, 4]]
+        assert p.end[:, :3].tolist() == [[0, 0, 3], [4, 0, 3], [4, 0, 4]]
 
     def test_on_top_of_another(self, read):
         p = read("F60\nG10 L1 P1 Z10\nG10 L1 P2 Z3\nG43 H1\nG43.2 H2\nG1 Z1" + END)
-        assert p.end[0].tolist() == [0, 0, 14]
+        assert p.end[0, :3].tolist() == [0, 0, 14]
 
     def test_one_that_nothing_says_is_0_and_said_once(self, read):
         p = read("T1 M6\nG43 H1\nG0 Z5\nF60\nG43 Z6 H1\nG1 Z1" + END)
         assert p.notes == ("taken for 0, since the program does not say: the length of tool 1 (line 2)",)
-        assert p.end[-1].tolist() == [0, 0, 1]
+        assert p.end[-1, :3].tolist() == [0, 0, 1]
 
     def test_a_tool_the_table_lacks(self, read):
         with pytest.raises(InputError, match=r"part\.ngc:2: H9: the tool table has no tool 9; add a line T9"):
@@ -130,14 +130,14 @@ class TestLengths:
 class TestHomes:
     def test_over_a_point_to_the_home(self, read):
         p = read("F60\nG1 X10 Y10 Z-1\nG91 G28 Z6\nG90\nG28" + END)
-        assert p.end.tolist() == [[10, 10, -1], [10, 10, 5], [10, 10, 0], [0, 0, 0]]
+        assert p.end[:, :3].tolist() == [[10, 10, -1], [10, 10, 5], [10, 10, 0], [0, 0, 0]]
         assert p.kind.tolist() == [LINE, RAPID, RAPID, RAPID]
         assert p.line.tolist() == [2, 3, 3, 5]
         assert p.notes == ("taken for 0, since the program does not say: the position of G28 (line 3)",)
 
     def test_a_home_that_the_program_sets(self, read):
         p = read("F60\nG1 X10 Z5\nG28.1\nG30.1\nX1 Z1\nG28 X2\nG30" + END)
-        assert p.end[2:].tolist() == [[2, 0, 1], [10, 0, 1], [10, 0, 5]]
+        assert p.end[2:, :3].tolist() == [[2, 0, 1], [10, 0, 1], [10, 0, 5]]
         assert p.notes == ()
 
     def test_the_home_does_not_move_with_the_work(self, read):
@@ -210,7 +210,7 @@ class TestSwitches:
 class TestProbing:
     def test_moves_are_taken_in_full_and_said(self, read):
         p = read("F60\nG38.2 Z-5\nG1 X1\nG38.5 Z0\nX0" + END)
-        assert p.end.tolist() == [[0, 0, -5], [1, 0, -5], [1, 0, 0], [0, 0, 0]]
+        assert p.end[:, :3].tolist() == [[0, 0, -5], [1, 0, -5], [1, 0, 0], [0, 0, 0]]
         assert set(p.kind.tolist()) == {LINE}
         assert p.notes == ("3 probing moves taken in full, the first in line 2",)
 
@@ -222,28 +222,30 @@ class TestProbing:
 
 
 class TestUnread:
-    TEXT = "G1 X1 F60\nM123\nA5 X2\nM123 P1\nA7\nG12.1\n"
+    TEXT = "G1 X1 F60\nM123\nG95 X2\nM123 P1\nG95\nG12.1\n"
 
     def test_all_of_them_in_one_message(self, refusal):
         assert refusal(self.TEXT + END) == (
-            "2: M123: not read in this program: M123 (line 2, 2 times); A (line 3, 2 times, rotary axes); "
+            "2: M123: not read in this program: M123 (line 2, 2 times); G95 (line 3, 2 times, feed per revolution); "
             "G12.1 (line 6, 1 time); post it without them, or pass over those that move nothing: --ignore WORD for each, or "
             "let an installed LinuxCNC read it: --reader rs274"
         )
 
     def test_over_the_parts_of_a_file(self, refusal, monkeypatch):
         monkeypatch.setattr("planner.programs.reading.words._CHUNK_BYTES", 8)
-        assert "M123 (line 2, 2 times); A (line 3, 2 times, rotary axes); G12.1 (line 6" in refusal(self.TEXT + END)
+        assert "M123 (line 2, 2 times); G95 (line 3, 2 times, feed per revolution); G12.1 (line 6" in refusal(
+            self.TEXT + END
+        )
 
     def test_passed_over_as_asked(self, read):
-        p = read("G1 X1 F60\nM123\nA5 X2\nM123\nA7\n" + END, ignore=("a", "M123"))
+        p = read("G1 X1 F60\nM123\nM124 X2\nM123\nM124\n" + END, ignore=("m124", "M123"))
         assert p.end[:, 0].tolist() == [1, 2]
         assert p.notes == (
             "M123 is passed over as asked, 2 times, the first in line 2",
-            "A is passed over as asked, 2 times, the first in line 3",
+            "M124 is passed over as asked, 2 times, the first in line 3",
         )
 
-    @pytest.mark.parametrize("word", ["X", "G1", "M3", "M03", "", "M", "A1", "12", "G1.x"])
+    @pytest.mark.parametrize("word", ["X", "G1", "M3", "M03", "", "M", "A", "A1", "12", "G1.x"])
     def test_what_cannot_be_ignored(self, read, word):
         with pytest.raises(InputError, match=rf"ignore = {re.escape(repr(word))}"):
             read("G1 X1 F60" + END, ignore=(word,))

@@ -22,8 +22,8 @@ class TestMoves:
         p = read("G0 X1 Y2\nG1 X4 Y6 F600\n\nY8 Z-1\nG0 Z5\nM2\n")
         assert p.line.tolist() == [2, 4, 5]
         assert p.kind.tolist() == [LINE, LINE, RAPID]
-        assert p.start.tolist() == [[1, 2, 0], [4, 6, 0], [4, 8, -1]]
-        assert p.end.tolist() == [[4, 6, 0], [4, 8, -1], [4, 8, 5]]
+        assert p.start[:, :3].tolist() == [[1, 2, 0], [4, 6, 0], [4, 8, -1]]
+        assert p.end[:, :3].tolist() == [[4, 6, 0], [4, 8, -1], [4, 8, 5]]
         assert p.feed.tolist() == [10.0, 10.0, np.inf]
         assert np.isnan(p.centre).all()
         assert p.sweep.tolist() == [0, 0, 0]
@@ -81,20 +81,20 @@ class TestMoves:
 class TestFirstPosition:
     def test_the_first_rapid_starts_at_its_end(self, read):
         p = read("G0 X5 Y6\nZ3\nG1 Z-1 F60" + END)
-        assert p.start.tolist() == [[5, 6, 3]]
+        assert p.start[:, :3].tolist() == [[5, 6, 3]]
         assert p.zero_lines.tolist() == [1, 2]
 
     def test_an_axis_that_cuts_first_stands_at_zero(self, read):
         p = read("G0 X5\nG1 X6 Y1 F60" + END)
-        assert p.start.tolist() == [[5, 0, 0]]
+        assert p.start[:, :3].tolist() == [[5, 0, 0]]
 
     def test_an_increment_starts_at_zero(self, read):
-        assert read("G91 G0 X5" + END).start.tolist() == [[0, 0, 0]]
+        assert read("G91 G0 X5" + END).start[:, :3].tolist() == [[0, 0, 0]]
 
     def test_it_can_be_given(self, read):
         p = read("G0 X5 Y6\nG1 X7 F60" + END, start=(1, 2, 3))
-        assert p.start.tolist() == [[1, 2, 3], [5, 6, 3]]
-        assert p.end.tolist() == [[5, 6, 3], [7, 6, 3]]
+        assert p.start[:, :3].tolist() == [[1, 2, 3], [5, 6, 3]]
+        assert p.end[:, :3].tolist() == [[5, 6, 3], [7, 6, 3]]
 
     @pytest.mark.parametrize("start", [(1, 2), (1, 2, np.nan), "abc"])
     def test_it_must_be_a_point(self, read, start):
@@ -153,9 +153,9 @@ class TestArcs:
         assert p.centre[1].tolist() == [0, 0, 0]
         # By the right-hand rule about the normal, the sweep takes the start to the end.
         axis = np.eye(3)[normal]
-        arm = p.start[1] - p.centre[1]
+        arm = p.start[1, :3] - p.centre[1]
         turned = arm * np.cos(p.sweep[1]) + np.cross(axis, arm) * np.sin(p.sweep[1])
-        assert p.centre[1] + turned == pytest.approx(p.end[1], abs=1e-12)
+        assert p.centre[1] + turned == pytest.approx(p.end[1, :3], abs=1e-12)
 
     def test_a_full_circle(self, read):
         p = read("F60\nG2 I5\nG3 X0 Y0 J-2" + END)
@@ -203,7 +203,7 @@ class TestArcs:
     @pytest.mark.parametrize("end", ["0.0049", "-0.0049"])
     def test_a_small_mismatch_of_the_radius_is_a_spiral(self, read, end):
         p = read(f"F60\nG1 X5\nG3 X{end} Y5 I-5" + END)
-        radii = np.hypot(*(np.stack([p.start[1], p.end[1]]) - p.centre[1])[:, :2].T)
+        radii = np.hypot(*(np.stack([p.start[1, :3], p.end[1, :3]]) - p.centre[1])[:, :2].T)
         assert radii == pytest.approx([5.0, np.hypot(5.0, 0.0049)], rel=1e-12)
 
     @pytest.mark.parametrize(
@@ -416,7 +416,7 @@ class TestAgainstLinuxCNC:
             assert np.sign(values[4]) == np.sign(ours.sweep[k])
         else:
             assert ours.kind[k] == (RAPID if name == "STRAIGHT_TRAVERSE" else LINE)
-            assert values[:3] == pytest.approx(ours.end[k], abs=1e-3)
+            assert values[:3] == pytest.approx(ours.end[k, :3], abs=1e-3)
 
 
 class TestCompiled:
@@ -501,12 +501,13 @@ class TestCompiled:
             seen.add(fault[0])
         assert seen == {0, 1, 2, 3, 4, 5}
 
-    def test_moves_that_lead_nowhere(self):
+    @pytest.mark.parametrize("axes", [3, 9])
+    def test_moves_that_lead_nowhere(self, axes):
         rng = np.random.default_rng(9)
-        ends = np.cumsum(rng.choice([0.0, 1e-7, 4e-7, 1e-6, 0.1], (400, 3)), axis=0)
+        ends = np.cumsum(rng.choice([0.0, 1e-7, 4e-7, 1e-6, 0.1], (400, axes), p=[0.8, 0.05, 0.05, 0.05, 0.05]), axis=0)
         always = rng.random(400) < 0.05
-        ours, theirs = np.zeros(3), np.zeros(3)
-        core.reader_merge_short_moves(400, ends, always, 1e-6, ours, kept := np.empty(400, dtype=np.uint8))
+        ours, theirs = np.zeros(axes), np.zeros(axes)
+        core.reader_merge_short_moves(400, axes, ends, always, 1e-6, ours, kept := np.empty(400, dtype=np.uint8))
         reference.merge_short_moves(ends, always, 1e-6, theirs, expected := np.empty(400, dtype=np.uint8))
         assert kept.tobytes() == expected.tobytes()
         assert ours.tobytes() == theirs.tobytes()

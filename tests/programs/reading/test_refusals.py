@@ -22,8 +22,17 @@ def unread(line, name, why):
 
 REFUSED = {
     # text: message after the name of the file
-    "G1 X1 F60\nG1 X2 W3\nM2": unread(2, "W", ", axes beside X, Y and Z"),
-    "A90\nM2": unread(1, "A", ", rotary axes"),
+    "A90\nM2": "1: A90: no G0, G1, G2, G3 or cycle is active",
+    "F60\nG2 A90\nM2": "2: A90: an arc needs a centre I, J, K or a radius R",
+    "F60\nG0 Z1\nG81 X1 Z-1 R0.5 B5\nM2": (
+        "3: B5: a cycle moves X, Y and Z alone; write the move of the other axis in a block of its own"
+    ),
+    "F60\nG81 W3\nM2": (
+        "2: W3: a cycle moves X, Y and Z alone; write the move of the other axis in a block of its own"
+    ),
+    "F60\nG1 X1\nG4 P1 A5\nM2": "3: A5: motion beside G4; write the dwell in a block of its own",
+    "G0 G92 C1\nM2": "1: C1: belongs to the other word of the block; write the motion in a block of its own",
+    "F60\nG1 A1 A2\nM2": "2: A2: the block has A1 already",
     "G41 D1\nM2": unread(1, "G41", ", cutter compensation"),
     "G87 X1 Z-1 R1\nM2": unread(1, "G87", ", cycles that wait for a hand"),
     "G5.2 X1 Y1\nM2": unread(1, "G5.2", ", splines; write G1, G2 or G3"),
