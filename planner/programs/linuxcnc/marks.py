@@ -18,6 +18,8 @@ _CALL = re.compile(r"^(?:N[\d.]+)?O(\d+|<[^<>]*>)CALL")
 _BEGIN = re.compile(r"^(?:N[\d.]+)?O(\d+|<[^<>]*>)(?:SUB|$)")
 _PROGRAM = re.compile(r"M98P(\d+)|P(\d+)M98")
 _TOOL = re.compile(r"[TH](\d+)|M61Q(\d+)")
+_CHANGE = re.compile(r"M\s*0*6(?![\d.])", re.IGNORECASE)
+_SELECTED = re.compile(r"T\d+")
 PART = "feedplan_part.ngc"
 
 
@@ -86,12 +88,28 @@ def _marked(lines: list[str], index: int) -> tuple[list[str], tuple[int, ...]]:
     for number, line in enumerate(lines, start=1):
         opens = not begun and line.strip().startswith("%")  # must be the first
         begun |= bool(line.strip())
+        said = [line]
         if begun and not opens and line.strip():
-            out.append(f"({MARKED} {index} {number})")
-            places.append(number)
-        out.append(line)
-        places.append(number)
+            said = [f"({MARKED} {index} {number})", *_apart(line)]
+        out += said
+        places += [number] * len(said)
     return out, tuple(places)
+
+
+def _apart(line: str) -> list[str]:
+    """A line, or two where a tool is changed and its length taken: the interpreter alone, without a machine to ask, would
+    lose where the tool stands.
+    """
+    words = bare(line)
+    if (
+        words[:1] in ("/", "O")
+        or "G43" not in words
+        or not _CHANGE.search(words)
+        or any(sign in words for sign in "#[")
+    ):
+        return [line]
+    tool = _SELECTED.search(words)
+    return [f"{tool[0] if tool else ''} M6", _CHANGE.sub("", _COMMENT.sub("", line))]
 
 
 def _called(lines: tuple[str, ...]) -> list[str]:

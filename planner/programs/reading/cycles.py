@@ -159,13 +159,14 @@ def _drill_all(track: ProgramTrack, row: int, hole: _Hole, series: CycleSeries, 
 
     if series.level < hole.plane:
         go(RAPID, normal, hole.plane)
-        series.level = hole.plane
-    back = hole.plane if track.modal[RETRACT][row] == 990 else series.level
+    back = hole.plane if track.modal[RETRACT][row] == 990 else max(series.level, hole.plane)
     steps = _CYCLES[series.code](hole.plane, back, hole.bottom, hole.peck, hole.dwell)
-    for _ in range(hole.repeats):
+    for repeat in range(hole.repeats):
         for axis, number in enumerate(numbers):
             if axis != normal and number is not None:
                 at[axis] = at[axis] + number if relative else number + state.offsets.total[axis]
+        if repeat or at[normal] <= hole.plane:
+            at[normal] = back  # below the plane R, or where the words have changed since, on a slope
         track.side.append(SideMove(row, RAPID, at.copy()))
         go(RAPID, normal, hole.plane)
         for kind, level, dwell in steps:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 _EQUAL = 1e-6
@@ -50,6 +50,11 @@ class Parameters:
     def set(self, key: ParameterKey, value: float) -> None:
         """Set a parameter."""
         self._table(key)[key] = value
+
+    def forget(self, keys: Iterable[ParameterKey]) -> None:
+        """Let parameters of all be those of the machine again."""
+        for key in keys:
+            self.common.pop(key, None)
 
 
 @dataclass(frozen=True)
@@ -129,7 +134,7 @@ class LineEvaluator:
                 if not self._took("="):
                     raise LineError(self.text[first:], "a parameter that starts a word is set with =")
                 sets.append((key, self.value()))
-            elif "A" <= letter <= "Z":
+            elif "A" <= letter <= "Z" or letter in "@^":
                 self.at += 1
                 words.append((letter, self.value(), first, self.at))
             else:

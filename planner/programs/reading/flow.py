@@ -7,8 +7,10 @@ others are read one by one.  A called file is looked for beside the program; its
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import partial
+from itertools import accumulate
 from pathlib import Path
 
 from planner.errors import InputError
@@ -17,9 +19,15 @@ from planner.programs import SUFFIXES
 from planner.programs.reading.expressions import MAX_ARGUMENTS, LineError, LineEvaluator, ParameterKey, Parameters
 from planner.programs.reading.flow_lines import FlowLine, Listing, read_listing
 from planner.programs.reading.flow_words import WordQueue
-from planner.programs.reading.machine_parameters import ASKS
+from planner.programs.reading.machine_parameters import ASKS, PROBE_PARAMETERS, machine_parameter
+from planner.programs.reading.modal import ReadingState
+from planner.programs.reading.polar import without_polar
+from planner.programs.reading.saved_modes import SavedModes, restoring_blocks, saved_modes
 from planner.programs.reading.words import Words
 
+FLOW_CODES = (70.0, 71.0, 72.0, 73.0, 98.0, 99.0)  # M words that change the order of lines, or what is in force
+_MODE_CODES = FLOW_CODES[:4]
+_END_OF_PROGRAM = 99.0
 _MAX_CALLS = 10  # within each other, as LinuxCNC has it
 _MAX_WORK = 10_000_000  # plain blocks; a line that is evaluated counts for ten
 _LINE_WORK = 10
@@ -28,7 +36,7 @@ _MAX_WORDS = 200_000  # that wait for the next step of the reader
 
 @dataclass
 class _Call:
-    """A call that runs: where it goes on afterwards, and of M98 how often it runs again."""
+    """A call that runs: where it goes on afterwards, of M98 how often it runs again, and what M70 or M73 saved in it."""
 
     listing: Listing
     after: int
@@ -37,16 +45,19 @@ class _Call:
     begin: int = 0
     again: int = 0
     counts: dict[int, int] = field(default_factory=dict)
+    saved: SavedModes | None = None
+    restores: bool = False
 
 
 class Flow:
     """Runs a program."""
 
-    def __init__(self, path: Path, machine: Callable[[ParameterKey], float | None]) -> None:
-        self.path = path
+    def __init__(self, path: Path, state: ReadingState) -> None:
+        self.path, self.state = path, state
+        self.machine = partial(machine_parameter, state=state)
         self.main = read_listing(path)
         self.files: dict[str, Listing] = {}
-        self.parameters = Parameters(machine=machine)
+        self.parameters = Parameters(machine=self.machine)
         self.calls = [_Call(self.main, 0, None, own=False)]
         self.queue = WordQueue(path.name)
         self.work = 0
@@ -58,14 +69,22 @@ class Flow:
         try:
             while at < len(self.listing.items) and not self.queue.ended:
                 item = self.listing.items[at]
-                if self.queue.count and isinstance(item, FlowLine) and ASKS.search(item.text):
+                if self.queue.count and isinstance(item, FlowLine) and self._asks(item):
+                    probes = self.state.probes
                     yield self.queue.take(0), None  # after this the machine stands where the line finds it
+                    if self.state.probes != probes:
+                        self.parameters.forget(PROBE_PARAMETERS)
                 at = self._step(at)
                 if self.queue.count > _MAX_WORDS:
                     yield self.queue.take(0), None
         except InputError as problem:
             error = problem
         yield self.queue.take(self.main.line_count), error
+
+    def _asks(self, item: FlowLine) -> bool:
+        """Whether a line asks for what the words before it have done."""
+        returns = item.keyword in ("RETURN", "ENDSUB") or "M99" in item.text
+        return ASKS.search(item.text) is not None or (returns and self.calls[-1].restores)
 
     @property
     def listing(self) -> Listing:
@@ -107,14 +126,42 @@ class Flow:
         found = LineEvaluator(item.text, self.parameters).line()
         for key, value in found.sets:
             self.parameters.set(key, value)
-        numbers = {letter: value for letter, value, _, _ in found.words}
-        jump = numbers.get("M") if any(w[0] == "M" and w[1] in (98.0, 99.0) for w in found.words) else None
-        if jump is None:
-            self.queue.add_line(item.text, found.words, self.calls[-1].line or item.line)
+        codes = [value for letter, value, _, _ in found.words if letter == "M" and value in FLOW_CODES]
+        if not codes or codes[0] in _MODE_CODES:
+            line, words = self._line_of(item), [w for w in found.words if w[0] != "M" or w[1] not in _MODE_CODES]
+            for block in without_polar(item.text, words, self.machine):
+                self.queue.add_line(item.text, block, line)
+            if codes:
+                self._keep_modes(item, codes[0])
             return at + 1
-        if jump == 99.0:
+        if codes[0] == _END_OF_PROGRAM:
             return self._again_or_back(item)
-        return self._call_program(item, at, numbers)
+        return self._call_program(item, at, {letter: value for letter, value, _, _ in found.words})
+
+    def _line_of(self, item: FlowLine) -> int:
+        """The line that what an item moves counts for."""
+        return self.calls[-1].line or item.line
+
+    def _keep_modes(self, item: FlowLine, code: float) -> None:
+        """M70 and M73 save what is in force, M71 forgets that, M72 brings it back."""
+        call = self.calls[-1]
+        if code in (70.0, 73.0):
+            call.saved, call.restores = saved_modes(self.state), code == 73.0 or call.restores
+        elif code == 71.0:
+            call.saved = None
+        elif call.saved is None:
+            raise LineError(
+                item.text, "nothing is saved here that it could bring back; M70 or M73 saves what is in force"
+            )
+        else:
+            self._restore(item, call.saved)
+
+    def _restore(self, item: FlowLine, saved: SavedModes) -> None:
+        for block in restoring_blocks(saved, saved_modes(self.state)):
+            texts = [f"{letter}{value:.12g}" for letter, value in block]
+            places = accumulate(map(len, texts), initial=0)
+            words = [(*word, at, at + len(text)) for word, at, text in zip(block, places, texts, strict=False)]
+            self.queue.add_line("".join(texts), words, self._line_of(item))
 
     def _call_program(self, item: FlowLine, at: int, numbers: dict[str, float]) -> int:
         """M98: the lines behind O with the number P, L times."""
@@ -166,9 +213,11 @@ class Flow:
         if call.again:
             call.again -= 1
             return call.begin
-        return self._back()
+        return self._back(item)
 
-    def _back(self) -> int:
+    def _back(self, item: FlowLine) -> int:
+        if self.calls[-1].restores and self.calls[-1].saved is not None:
+            self._restore(item, self.calls[-1].saved)
         call = self.calls.pop()
         if call.own:
             self.parameters.own.pop()
@@ -234,7 +283,7 @@ class Flow:
         if not self.calls[-1].own:
             raise LineError(item.text, "ends no subroutine that was called")
         values = self._numbers(item)
-        back = self._back()
+        back = self._back(item)
         self.parameters.set("_value", values[0] if values else 0.0)
         self.parameters.set("_value_returned", float(bool(values)))
         return back

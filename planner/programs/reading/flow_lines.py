@@ -11,14 +11,14 @@ from planner.errors import InputError
 from planner.programs.reading.words import Words, scan_text, text_parts
 
 _O_LINE = re.compile(rb"^[ \t]*(?:N[ \t]*[\d.]+[ \t]*)?O[^\n]*", re.IGNORECASE | re.MULTILINE)
-_OTHER_LINE = re.compile(rb"^[^\n]*[#\[][^\n]*", re.MULTILINE)
-_CALL_LINE = re.compile(rb"^[^\n]*M9[89][^\n]*", re.IGNORECASE | re.MULTILINE)
+_OTHER_LINE = re.compile(rb"^[^\n]*[#\[@^][^\n]*", re.MULTILINE)
+_CALL_LINE = re.compile(rb"^[^\n]*M(?:9[89]|7[0-3])[^\n]*", re.IGNORECASE | re.MULTILINE)
 _COMMENT = re.compile(rb"\([^()\n]*\)|;[^\n]*")
 _O_WORD = re.compile(
     r"(?:N[\d.]+)?O(\d+|<[^<>]*>)(SUB|ENDSUB|CALL|RETURN|IF|ELSEIF|ELSE|ENDIF|WHILE|ENDWHILE|DO|REPEAT|ENDREPEAT|BREAK|CONTINUE)?"
     r"(.*)"
 )
-_CALLS = re.compile(r"M9[89](?!\d|\.\d)")
+_CALLS = re.compile(r"M(?:9[89]|7[0-3])(?!\d|\.\d)")
 _OPENED_BY = {"ENDSUB": "SUB", "ENDIF": "IF", "ELSE": "IF", "ELSEIF": "IF", "ENDWHILE": "WHILE", "ENDREPEAT": "REPEAT"}
 _LOOPS = ("WHILE", "DO", "REPEAT")
 _WITH_ARGUMENTS = ("CALL", "RETURN", "ENDSUB", "IF", "ELSEIF", "WHILE", "REPEAT")
@@ -71,9 +71,9 @@ def flow_lines(text: bytes) -> list[tuple[int, int]]:
     patterns = []
     if b"O" in text or b"o" in text:
         patterns.append(_O_LINE)
-    if b"#" in text or b"[" in text:
+    if any(sign in text for sign in (b"#", b"[", b"@", b"^")):
         patterns.append(_OTHER_LINE)
-    if any(call in text for call in (b"M98", b"M99", b"m98", b"m99")):
+    if any(call in text for call in (b"M9", b"M7", b"m9", b"m7")):
         patterns.append(_CALL_LINE)
     found = {match.span() for pattern in patterns for match in pattern.finditer(text)}
     return sorted(span for span in found if _is_flow(_bare(text[slice(*span)])))
@@ -87,7 +87,7 @@ def _bare(line: bytes) -> str:
 def _is_flow(line: str) -> bool:
     if line.startswith("/"):
         return False
-    return "#" in line or "[" in line or _O_WORD.match(line) is not None or _CALLS.search(line) is not None
+    return any(sign in line for sign in "#[@^") or _O_WORD.match(line) is not None or _CALLS.search(line) is not None
 
 
 def read_listing(path: Path) -> Listing:

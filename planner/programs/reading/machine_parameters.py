@@ -14,9 +14,11 @@ _NAMES = (
     *(f"_{axis.lower()}" for axis in AXES),
     *("_metric", "_imperial", "_absolute", "_incremental", "_inverse_time", "_coord_system", "_current_tool"),
 )
-# A line that asks for one of them, or for a number that is computed.
-ASKS = re.compile(rf"#(?:5[1-4]\d\d|\[|#|<(?:{'|'.join(_NAMES)})>)", re.IGNORECASE)
+# A line that asks for one of them, for a number that is computed, for where the tool stands, or for what is in force.
+ASKS = re.compile(rf"#(?:5[1-4]\d\d|50[67]\d|\[|#|<(?:{'|'.join(_NAMES)})>)|[@^]|M7[0-3](?!\d)", re.IGNORECASE)
 _SYSTEM_STEP = 20
+PROBE_PARAMETERS = range(5061, 5071)  # where the last probe ended, and in the last whether it was seen
+_TRIPPED = PROBE_PARAMETERS[-1]
 
 
 def machine_parameter(key: ParameterKey, state: ReadingState) -> float | None:
@@ -37,6 +39,8 @@ def machine_parameter(key: ParameterKey, state: ReadingState) -> float | None:
             "_current_tool": float(state.loaded),
         }
         return named.get(key)
+    if key == _TRIPPED:
+        return None if state.probed is None else 0.0  # no probe was seen, as where LinuxCNC previews a program
     if key == 5220:
         return float(offsets.active + 1)
     if key == 5400:
@@ -45,6 +49,8 @@ def machine_parameter(key: ParameterKey, state: ReadingState) -> float | None:
         5161: offsets.home[280], 5181: offsets.home[300], 5211: offsets.shift, 5401: offsets.length, 5420: position,
         **{5221 + _SYSTEM_STEP * k: offsets.systems[k] for k in range(len(SYSTEM_CODES))},
     }  # fmt: skip
+    if state.probed is not None:
+        points[PROBE_PARAMETERS[0]] = state.probed
     for first, point in points.items():
         if first <= key < first + len(AXES):
             return float(point[key - first]) / units[key - first]

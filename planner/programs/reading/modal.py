@@ -59,7 +59,7 @@ class ReadingState:
     modal: dict[int, int] = field(
         default_factory=lambda: {
             MOTION: 800, PLANE: 170, UNITS: 210, DISTANCE: 900, CENTRES: 911, FEED_MODE: 940, PATH_MODE: 640,
-            RETRACT: 980,
+            RETRACT: 990,
         }
     )  # fmt: skip
     feed: float = np.nan  # mm/s under G94
@@ -68,6 +68,8 @@ class ReadingState:
     tolerance: float = np.nan
     naive: float = np.nan
     spindle: float = np.nan
+    spindle_code: int = 5
+    coolant_code: int = 9
     tool: str = ""
     selected: int = 0  # by T
     loaded: int = 0  # by M6
@@ -88,6 +90,7 @@ class ReadingState:
     events: list[Event] = field(default_factory=list)
     zero_lines: list[LineArray] = field(default_factory=list)
     probes: tuple[int, int] | None = None  # moves of G38: the first line, how many
+    probed: FloatArray | None = None  # the end of the last of them, in the program's coordinates, mm
     long_arcs: list[tuple[int, float, float]] = field(default_factory=list)  # full turns: line, length, turns
     skipped: dict[str, tuple[int, int]] = field(default_factory=dict)  # by their first character: first line, how many
 

@@ -46,8 +46,11 @@ def add_events(track: ProgramTrack, moves: MovesOfPart) -> None:
             note("spindle", text(spindle, speed), before)
         if speed.given[row]:
             state.spindle = float(speed.value[row])
+        if spindle.given[row]:
+            state.spindle_code = int(spindle.value[row])
         if coolant.given[row]:
             note("coolant", text(coolant), before)
+            state.coolant_code = int(coolant.value[row])
         if dwell[row]:
             note("dwell", text(blocks.g[ONCE], letters["P"]), before, float(letters["P"].value[row]))
         for seconds, index in inside.get(row, ()):

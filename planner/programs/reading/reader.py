@@ -10,7 +10,7 @@ not read all in one message (``unread``).
 
 Rules, where dialects differ:
 
-1. The file starts in G17 G21 G40 G49 G54 G80 G90 G91.1 G94 G98 and G64 without a tolerance.
+1. The file starts in G17 G21 G40 G49 G54 G80 G90 G91.1 G94 G99 and G64 without a tolerance.
 2. The machine's first position is unknown.  An axis whose first word is an absolute one of a rapid, or that goes home first,
    stands there from the start, so that the rapid to the start of the work takes no time; every other axis stands at 0.
 3. F, X, Y, Z, U, V, W, I, J, K, R, and P and Q of G64 count in the units and the distance mode of their own block (LinuxCNC
@@ -34,9 +34,8 @@ from planner.errors import InputError
 from planner.inputs import require_path
 from planner.programs.reading.acts import carry_positions
 from planner.programs.reading.blocks import Blocks, sort_words
-from planner.programs.reading.flow import Flow
+from planner.programs.reading.flow import FLOW_CODES, Flow
 from planner.programs.reading.language import MOTION, PROBES
-from planner.programs.reading.machine_parameters import machine_parameter
 from planner.programs.reading.modal import ReadingState, carry_feeds, carry_modal, carry_tolerances, units
 from planner.programs.reading.move_making import BlockFeeds, make_moves
 from planner.programs.reading.offsets import Offsets
@@ -46,7 +45,7 @@ from planner.programs.reading.program_events import add_events
 from planner.programs.reading.rules import check_motion, check_words
 from planner.programs.reading.setup import Tool, read_tool_table
 from planner.programs.reading.unread import UnreadWords, ignored_words
-from planner.programs.reading.words import Faults, LineArray, Words, keep_words, read_words
+from planner.programs.reading.words import Faults, Words, keep_words, read_words
 
 _MAX_MOVES = 5_000_000  # some 120 bytes each
 _MAX_EVENTS = 1_000_000
@@ -98,7 +97,7 @@ def read_program(
     state = begun()
     if not _read_parts(read_words(file), state):
         state = begun()
-        _read_parts(Flow(file, lambda key: machine_parameter(key, state)).words(), state, ordered=True)
+        _read_parts(Flow(file, state).words(), state, ordered=True)
     state.unread.require_none()
     state.require_end()
     return state.program()
@@ -120,8 +119,8 @@ def _read_parts(
 
 
 def _leads_elsewhere(words: Words) -> bool:
-    """Whether there is an O word, M98 or M99."""
-    call = (words.letter == ord("M")) & ((words.value == 98.0) | (words.value == 99.0))
+    """Whether there is an O word, M98, M99 or M70 to M73."""
+    call = (words.letter == ord("M")) & (words.value >= 70.0) & np.isin(words.value, FLOW_CODES)
     return bool(call.any() or (words.letter == ord("O")).any())
 
 
@@ -155,9 +154,9 @@ def _read_part(words: Words, state: ReadingState) -> None:
         kind = check_motion(blocks, modal)
         check_words(blocks, modal[MOTION], kind)
         feeds = BlockFeeds(*carry_feeds(blocks, modal, unit, kind, state), *carry_tolerances(blocks, unit, state))
-        _note_probes(blocks, modal, kind, state)
         track = ProgramTrack(blocks, modal, unit, kind, state)
         carry_positions(track)
+        _note_probes(track)
         moves = make_moves(track, feeds)
         if not state.unread.found:  # else every fault may follow from a word that is not read
             faults.raise_first()
@@ -173,13 +172,15 @@ def _read_part(words: Words, state: ReadingState) -> None:
         )
 
 
-def _note_probes(blocks: Blocks, modal: dict[int, LineArray], kind: LineArray, state: ReadingState) -> None:
+def _note_probes(track: ProgramTrack) -> None:
     """Where a probe would end a move is not known: moves of G38 are taken in full, which is said."""
-    if (modal[MOTION] >= PROBES[0]).any():
-        lines = blocks.line[np.isin(modal[MOTION], PROBES) & (kind == LINE)]
-        if lines.size:
-            first, count = state.probes or (int(lines[0]), 0)
-            state.probes = first, count + lines.size
+    state = track.state
+    if (track.modal[MOTION] >= PROBES[0]).any():
+        rows = np.flatnonzero(np.isin(track.modal[MOTION], PROBES) & (track.kind == LINE))
+        if rows.size:
+            first, count = state.probes or (int(track.blocks.line[rows[0]]), 0)
+            state.probes = first, count + rows.size
+            state.probed = track.points[rows[-1] + 1] - track.origins(rows[-1:])[0]
 
 
 def _check_marks(blocks: Blocks, state: ReadingState) -> None:

@@ -81,9 +81,6 @@ def check_words(blocks: Blocks, motion: LineArray, kind: LineArray) -> None:
     faults.add(r.at((r.value == 0.0) & np.isin(motion, (20, 30))), "the radius must not be 0")
     faults.add(r.at(blocks.any_of("IJK")), "an arc has a radius R or a centre I, J, K, not both")
     faults.add(q.at(blend & ~p.given), "needs the tolerance P beside it")
-    dwell = blocks.g[ONCE].has(_DWELL)
-    moving = blocks.any_of(_MOVING)
-    faults.add(blocks.first_of(_MOVING, dwell & moving), "motion beside G4; write the dwell in a block of its own")
     for column, letter, table in (
         *((column, "G", G_WORDS) for column in blocks.g), *((column, "M", M_WORDS) for column in blocks.m)
     ):  # fmt: skip

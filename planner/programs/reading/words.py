@@ -184,7 +184,7 @@ def _needs_evaluation(text: bytes, what: int, at: int) -> bool:
     if what not in (_Fault.CHARACTER, _Fault.NO_LETTER, _Fault.NO_NUMBER):
         return False
     line = text[text.rfind(b"\n", 0, at) + 1 : (text + b"\n").find(b"\n", at)]
-    return b"#" in line or b"[" in line or _O_LINE.match(line) is not None
+    return any(sign in line for sign in (b"#", b"[", b"@", b"^")) or _O_LINE.match(line) is not None
 
 
 def _without_lines(text: bytes, lines_before: int) -> tuple[bytes, list[tuple[str, int]]]:
@@ -211,12 +211,8 @@ def _complaint(text: bytes, what: int, at: int) -> str:
         case _Fault.OPEN_COMMENT:
             return f"{_excerpt(text, at)}: a comment that is not closed with ) in its line, or that holds another"
     character = chr(text[at])
-    known = {
-        "/": "block delete stands at the start of a line",
-        "@": "polar coordinates are not read; write X, Y and Z",
-        "^": "polar coordinates are not read; write X, Y and Z",
-    }
-    return f"{character}: {known.get(character, 'no word starts with it')}"
+    reason = "block delete stands at the start of a line" if character == "/" else "no word starts with it"
+    return f"{character}: {reason}"
 
 
 def _excerpt(text: bytes, at: int) -> str:

@@ -6,7 +6,7 @@ import pytest
 from planner.programs.reading.program import LINE, RAPID
 
 END = "\nM2\n"
-START = "F60\nG0 X0 Y0 Z10\nG1 Z5\n"
+START = "G98 F60\nG0 X0 Y0 Z10\nG1 Z5\n"
 
 
 def moves(program, first=1):
@@ -74,12 +74,18 @@ class TestEachCycle:
 
 
 class TestLevels:
+    def test_a_file_starts_with_the_return_to_the_plane(self, read):
+        """As LinuxCNC does, and unlike most other controllers."""
+        p = read("F60\nG0 X0 Y0 Z10\nG1 Z5\nG81 X1 Z-3 R1" + END)
+        assert moves(p)[-1] == ("R", 1, 0, 1)
+
     def test_back_to_the_plane(self, read):
         p = read(START + "G99 G81 X1 Z-3 R1\nX2\nG98 X3" + END)
         assert moves(p) == [
             *[("R", 1, 0, 5), ("R", 1, 0, 1), ("L", 1, 0, -3), ("R", 1, 0, 1)],
             *[("R", 2, 0, 1), ("L", 2, 0, -3), ("R", 2, 0, 1)],
-            *[("R", 3, 0, 1), ("L", 3, 0, -3), ("R", 3, 0, 5)],  # where the series began
+            # To where the series began, which is where it goes back to, on the way to the next hole.
+            *[("R", 3, 0, 5), ("R", 3, 0, 1), ("L", 3, 0, -3), ("R", 3, 0, 5)],
         ]
 
     def test_a_plane_above_the_start(self, read):
@@ -101,7 +107,7 @@ class TestLevels:
         assert moves(p) == [("R", 101, 0, -45), ("R", 101, 0, -49), ("L", 101, 0, -53), ("R", 101, 0, -45)]
 
     def test_in_inches_the_gap_is_the_same(self, read):
-        p = read("G20 F60\nG0 X0 Y0 Z1\nG1 Z0.5\nG83 X1 Z-.2 R0.1 Q0.2" + END)
+        p = read("G20 G98 F60\nG0 X0 Y0 Z1\nG1 Z0.5\nG83 X1 Z-.2 R0.1 Q0.2" + END)
         ends = p.end[1:, 2] / 25.4
         assert ends == pytest.approx([0.5, 0.1, -0.1, 0.1, -0.09, -0.2, 0.5], abs=1e-12)
 
@@ -109,7 +115,7 @@ class TestLevels:
     def test_in_other_planes(self, read, plane, order):
         i, j, n = order
         names = "XYZ"
-        p = read(f"F60 {plane}\nG0 X0 Y0 Z0\nG1 {names[n]}5\nG81 {names[i]}1 {names[j]}2 {names[n]}-3 R1" + END)
+        p = read(f"G98 F60 {plane}\nG0 X0 Y0 Z0\nG1 {names[n]}5\nG81 {names[i]}1 {names[j]}2 {names[n]}-3 R1" + END)
         assert p.end[1:, [i, j, n]].tolist() == [[1, 2, 5], [1, 2, 1], [1, 2, -3], [1, 2, 5]]
 
     def test_words_that_stay(self, read):

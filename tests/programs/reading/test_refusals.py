@@ -74,7 +74,6 @@ REFUSED = {
     "F60\nG2 X0 Y0.003 I0 J0\nM2": "2: I0: the centre lies on the start or the end of the arc",
     "G4\nM2": "1: G4: needs the time P in seconds",
     "G4 P-1\nM2": "1: P-1: must not be negative",
-    "G1 F60\nG4 P1 X1\nM2": "2: X1: motion beside G4; write the dwell in a block of its own",
     "P1\nM2": (
         "1: P1: belongs to a word that is not in the block; it is read beside G4, G10, G64, M19, M62, M63, M64, M65 ..."
     ),
