@@ -27,7 +27,6 @@ from planner.programs.reading.program import ARC, LINE, RAPID
 from planner.programs.reading.words import LineArray, Mask
 
 _DWELL = 40
-_MOVING = f"{AXIS_LETTERS}IJKR"
 _NAMES_SHOWN = 8
 # Words whose words of axes are no end of a move.
 _TAKE_AXES = {

@@ -30,7 +30,6 @@ REFUSED = {
     "F60\nG81 W3\nM2": (
         "2: W3: a cycle moves X, Y and Z alone; write the move of the other axis in a block of its own"
     ),
-    "F60\nG1 X1\nG4 P1 A5\nM2": "3: A5: motion beside G4; write the dwell in a block of its own",
     "G0 G92 C1\nM2": "1: C1: belongs to the other word of the block; write the motion in a block of its own",
     "F60\nG1 A1 A2\nM2": "2: A2: the block has A1 already",
     "G41 D1\nM2": unread(1, "G41", ", cutter compensation"),
