@@ -30,13 +30,13 @@ from planner.geometry.differential import chain_rule, jerk_terms
 from planner.law import TimeLaw
 from planner.machine.limits import Limits
 from planner.plan.bounds import certify, section_bound
+from planner.plan.coarse import Effort, coarse_plan
 from planner.plan.dual.method import best_multipliers
 from planner.plan.dual.problem import Pace, best_splines, problem_of
 from planner.plan.dual.terms import Track
 from planner.plan.ends import REST, Feed
 from planner.plan.guess import breaks_inside, guess_feed
 from planner.plan.knots import place_knots, with_blends
-from planner.plan.refine import Effort, first_stage
 from planner.plan.rest_map import BLEND_LENGTH
 from planner.plan.rows import Constraints, build
 from planner.plan.section import Section, cut
@@ -91,12 +91,13 @@ def prepared(name: str, curve: Curve, limits: Limits, intervals: int = INTERVALS
 
 def stage(of: Case, intervals: int = INTERVALS) -> Stage:
     """The constraints on the usual grid, in the time of a coarser plan."""
-    return first_stage(of.task, Effort(intervals, free=False), _MANY, follow=False)[0]
+    effort = Effort(intervals, free=False)
+    return coarse_plan(of.task, effort, _MANY, follow=False).first_stage(of.task, effort, _MANY, follow=False)
 
 
 def coarse_attempt(of: Case, intervals: int = INTERVALS) -> Attempt:
     """The plan in the time of which the usual grid is."""
-    return first_stage(of.task, Effort(intervals, free=False), _MANY, follow=False)[1]
+    return coarse_plan(of.task, Effort(intervals, free=False), _MANY, follow=False).attempt
 
 
 def guessed(of: Case, intervals: int = INTERVALS) -> Stage:

@@ -23,14 +23,13 @@ from planner.machine.limits import Limits, require_limits
 from planner.origin import Origin
 from planner.plan.bounds import MAX_INTERVALS, PlanBound, SectionBound
 from planner.plan.chord_errors import slowed_for_chords
+from planner.plan.coarse import MIN_INTERVALS, Effort
 from planner.plan.dual.problem import Pace
 from planner.plan.ends import FREE, end_with, feed_at
 from planner.plan.guard import explained, require_law
 from planner.plan.refine import (
     ALMOST_MET,
-    MIN_INTERVALS,
     PEAK_MARGIN,
-    Effort,
     SectionPlan,
     hold_chords,
     not_met,

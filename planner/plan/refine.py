@@ -1,8 +1,8 @@
 """Plan one section: solve in the time of a guess, then in the time of that plan, and go on until the law keeps its limits.
 
-The solves before tell the time that is the coordinate of the next one (``time_map.py``) and where its knots go
-(``time_knots.py``).  A solver looks at knots and at one or three points between only.  Everywhere else the law is measured
-(``utilisation.py``), and what it uses too much is given back in four ways, the first that serves:
+The coarse solves before (``coarse.py``) tell the time that is the coordinate of the next one (``time_map.py``) and where its
+knots go (``time_knots.py``).  A solver looks at knots and at one or three points between only.  Everywhere else the law is
+measured (``utilisation.py``), and what it uses too much is given back in four ways, the first that serves:
 
 1.  Where an interval is far too coarse it is halved, and the map is renewed from the law at hand.
 2.  Where it uses a little more than its limits, these are tightened there by as much or half as much again, and by parts of
@@ -30,37 +30,22 @@ from planner.law import TimeLaw
 from planner.machine.limits import Limits
 from planner.plan.bounds import SectionBound
 from planner.plan.chord_errors import MET_CHORD, chord_shares
+from planner.plan.coarse import Coarse, Effort, coarse_plan
 from planner.plan.dual.problem import Pace
 from planner.plan.ends import Rest, feed_at
 from planner.plan.guard import require_finite_law
-from planner.plan.guess import breaks_inside, guess_feed, resolvable
+from planner.plan.guess import guess_feed, resolvable
 from planner.plan.section import Section
 from planner.plan.stage import HOPELESS, MORE_INNER, TIGHTENING_ROUNDS, TOO_COARSE, WORTH_SAYING, Attempt, Stage, Task
-from planner.plan.time_knots import TimeGrid, place_in_time
-from planner.plan.time_map import TimeMap
 from planner.plan.utilisation import Utilisation, utilisation
 from planner.status import Status, Work
 from planner.types import Progress
 
-DEFAULT_INTERVALS = 1000
-MIN_INTERVALS = 24
-_MIN_INTERVALS = 200  # of one section among several
-# How many times coarser than the grid that is asked for those of the guess and of the even solve are.  On a path with blends
-# that of the guess is not, and its macros are short, and its solve begins close to the guess: or programs of short lines end
-# in local optima up to 8 % slower.
-_COARSER_GUESS, _COARSER_EVEN = 4, 2
-# Intervals to a macro of the guess, and with blends; in all at least the first, up to the second as many as asked for; and
-# relative gaps of the coarse solves.
-_PER_GUESSED, _PER_GUESSED_BLENDS, _MIN_COARSE = 2, 4, (200, 300)
-_COARSE_GAP, _EVEN_GAP = 1e-2, 1e-4
-# Where the even grid has fewer intervals than this for a change of the jerk by its limit, it cannot tell the switches apart.
-_TO_TELL = 8.0
-# Where the number of intervals is free: so many for a change of the jerk by its limit, by the points inside one, and at most
-# so many times the usual.
-_PER_CHANGE, _MAX_FOR_CHANGES = {1: 26.0, 3: 15.0}, 4
+# Where a first plan needs more slowing down than this between midpoints, there are three points in an interval instead.
+_POINTS_SERVE = 1.005
 # A plan that needs more slowing down than this at the end is refined first; and than this share of what the first on its
 # grid needed, up to the third: the grid itself keeps a plan further from the optimum than that.
-_ACCEPTED, _ACCEPTED_SHARE, _MAX_ACCEPTED = 2e-6, 0.02, 1e-5
+_MIN_ACCEPTED, _ACCEPTED_SHARE, _MAX_ACCEPTED = 2e-6, 0.02, 1e-5
 _MAX_ROUNDS, _CHORD_ROUNDS = 12, 16
 # Intervals times iterations of all rounds, at most: some seconds.
 _MAX_WORK, _WORK_PER_INTERVAL, _USUAL_ITERATIONS = 2_000_000, 1200, 60
@@ -100,23 +85,6 @@ class SectionPlan:
         )
         status = Status.SLOWED if self.status.as_meant else self.status
         return replace(self, status=status, notes=(*self.notes, note))
-
-
-@dataclass(frozen=True)
-class Effort:
-    """Number of intervals to begin with, and whether refinement may choose more."""
-
-    intervals: int
-    free: bool
-
-    @classmethod
-    def for_share(cls, intervals: int | None, share: float, section: Section) -> Effort:
-        """For a section with this share of the path, given the number of intervals asked for, if any."""
-        if intervals is None:
-            least = DEFAULT_INTERVALS if share == 1.0 else _MIN_INTERVALS
-            needed = section.curve.intervals_needed(section.u_start, section.u_end)
-            return cls(max(least, round(DEFAULT_INTERVALS * share), needed), True)
-        return cls(max(MIN_INTERVALS, round(intervals * share)), False)
 
 
 def plan_section(
@@ -167,20 +135,23 @@ def plan_section(
 
 def _best_of_tries(task: Task, effort: Effort, most: int) -> Outcome:
     """Refine with as few points as serve; where that ends badly, with more, and then from a grid that follows |C'|."""
-    best, failed, spent = None, None, 0.0
+    best, failed, coarse, spent = None, None, None, 0.0
     more = replace(task, inner=MORE_INNER) if task.method == "optimal" else task
     tries = ((task, False), (more, False), (more, True)) if more.inner != task.inner else ((task, False), (task, True))
     for each, follow in tries:
         try:
             this = _following(each, effort) if follow else each
-            found = _refined(this, effort, most, follow=follow, patient=each is more)
+            if follow or coarse is None:
+                coarse = coarse_plan(this, effort, most, follow=follow)
+                spent += coarse.spent
+            found = _refined(this, effort, most, coarse, follow=follow, patient=each is more)
         except (CurveError, InfeasibleError, SolverError) as error:
             failed = failed or error
             continue
         spent += found.spent
         best = found if best is None or found.best.is_better_than(best.best, task) else best
         enough = ALMOST_MET if task.prescribed else WORTH_SAYING if effort.free else HOPELESS
-        enough = enough if each is more else min(enough, TOO_COARSE)
+        enough = enough if each is more else min(enough, _POINTS_SERVE)
         good = best.best.forward and best.best.slowdown <= enough
         if good or time.perf_counter() > task.deadline:
             break
@@ -207,15 +178,14 @@ class Outcome:
     notes: tuple[str, ...]
 
 
-def _refined(task: Task, effort: Effort, most: int, *, follow: bool, patient: bool) -> Outcome:
-    """Solve for the map and on it, and refine.
+def _refined(task: Task, effort: Effort, most: int, coarse: Coarse, *, follow: bool, patient: bool) -> Outcome:
+    """Solve on the map of a coarse plan, and refine.
 
     ``follow``: grids that follow |C'|; ``patient``: go on where the first plan is far off between its points.
     """
-    wanted = effort.intervals
-    stage, attempt, spent = first_stage(task, effort, most, follow=follow)
-    first, work, slowdown, accepted = 0.0, 0, np.inf, _ACCEPTED
-    most_work = max(_MAX_WORK, _WORK_PER_INTERVAL * wanted)
+    stage, attempt, spent = coarse.first_stage(task, effort, most, follow=follow), coarse.attempt, 0.0
+    first, work, slowdown, accepted = 0.0, 0, np.inf, _MIN_ACCEPTED
+    most_work = max(_MAX_WORK, _WORK_PER_INTERVAL * effort.intervals)
     notes: tuple[str, ...] = ()
     found: Outcome | None = None
     for number in range(_MAX_ROUNDS):
@@ -229,15 +199,15 @@ def _refined(task: Task, effort: Effort, most: int, *, follow: bool, patient: bo
             notes = (f"refinement ended after {number} rounds: {error}",)
             break
         spent += attempt.work.solve_cpu_s
-        first = first or spent
+        first = first or coarse.spent + spent
         if found is None or this.is_better_than(found.best, task):
             found = Outcome(task, this, stage, attempt, spent, first, ())
         work += stage.grid.intervals * attempt.work.iterations
         if on_new_grid and effort.free:
-            accepted = float(np.clip(_ACCEPTED_SHARE * (this.slowdown - 1.0), _ACCEPTED, _MAX_ACCEPTED))
+            accepted = float(np.clip(_ACCEPTED_SHARE * (this.slowdown - 1.0), _MIN_ACCEPTED, _MAX_ACCEPTED))
         if this.is_accepted(task, accepted) or work > most_work:
             break
-        if not patient and stage.problem.inner == task.inner and not (this.forward and this.slowdown <= TOO_COARSE):
+        if not patient and stage.problem.inner == task.inner and not (this.forward and this.slowdown <= _POINTS_SERVE):
             break
         if time.perf_counter() > task.deadline:
             break
@@ -347,54 +317,6 @@ class Round:
         """The grid should be refined rather than the limits tightened."""
         limit = TOO_COARSE if effort.free else HOPELESS
         return not self.forward or self.slowdown > (limit if self.number < TIGHTENING_ROUNDS else WORTH_SAYING)
-
-
-def first_stage(task: Task, effort: Effort, most: int, *, follow: bool) -> tuple[Stage, Attempt, float]:
-    """The grid to begin with, placed in the time of a coarser plan; that plan; and the computing time of it, s.
-
-    Two coarse solves come before: the first on a map of the guess, the second on an even grid in the time of the first.  On
-    blends the second has as many intervals as these need, so that it tells where the jerk switches; elsewhere there is a
-    third where it does not.
-    """
-    section, wanted = task.section, effort.intervals
-
-    def placed(plan: Stage, found: Attempt, intervals: int, *, even: bool) -> TimeGrid:
-        law = plan.time_law(found)
-        changes = plan.jerk_changes(found, law)
-        if effort.free and not even:
-            per_change = _PER_CHANGE[plan.problem.inner]
-            intervals = int(np.clip(per_change * changes.change.sum(), intervals, _MAX_FOR_CHANGES * intervals))
-        return place_in_time(
-            section,
-            law,
-            changes,
-            min(intervals, most),
-            guess=task.guess,
-            even=even,
-            periodic=task.periodic,
-            period=task.limits.period,
-            follow=follow,
-        )
-
-    needed = section.curve.intervals_needed(section.u_start, section.u_end)
-    parts = _PER_GUESSED_BLENDS if needed else _PER_GUESSED
-    least = int(np.clip(wanted, *_MIN_COARSE))
-    count = max(least, wanted if needed else wanted // _COARSER_GUESS) // parts
-    on = TimeMap.from_guess(section, task.limits, task.guess, breaks_inside(section), count)
-    stage = Stage.on(task, TimeGrid.even(on, parts))
-    attempt = stage.solve(task, None, _COARSE_GAP)
-    spent = attempt.work.solve_cpu_s
-    between = max(least, wanted // _COARSER_EVEN, min(2 * wanted, needed))
-    stage = Stage.on(task, placed(stage, attempt, between, even=True))
-    attempt = stage.solve(task, replace(attempt, waypoint=None), _EVEN_GAP)
-    spent += attempt.work.solve_cpu_s
-    changes = float(stage.jerk_changes(attempt, stage.time_law(attempt)).change.sum())
-    told = min(round(_TO_TELL * changes), 2 * wanted if effort.free else wanted, most)
-    if stage.problem.inner == task.inner and told > 1.5 * between:
-        stage = Stage.on(task, placed(stage, attempt, told, even=True))
-        attempt = stage.solve(task, replace(attempt, waypoint=None), _EVEN_GAP)
-        spent += attempt.work.solve_cpu_s
-    return Stage.on(task, placed(stage, attempt, wanted, even=False)), replace(attempt, waypoint=None), spent
 
 
 def _require_met(task: Task, best: Round) -> None:

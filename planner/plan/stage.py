@@ -76,6 +76,11 @@ class Task:
         """A feed is prescribed at one of the ends."""
         return self.section.has_prescribed_feed
 
+    def points_inside(self, on: TimeMap) -> int:
+        """How many points inside an interval a plan on this map needs."""
+        more = on.has_native or bool(self.section.reserve)
+        return MORE_INNER if more and self.method == "optimal" else self.inner
+
 
 def _margins(shares: Sequence[FloatArray], full: NDArray[np.bool_], inner: int, gain: float) -> tuple[FloatArray, ...]:
     """By how much to tighten speed, acceleration and jerk limits at each point where a plan used too much of them.
@@ -169,10 +174,9 @@ class Stage:
     holds: Holds
 
     @classmethod
-    def on(cls, task: Task, grid: TimeGrid, holds: Holds = NO_HOLDS) -> Stage:
-        """Build the constraints on a grid."""
-        more = grid.map.has_native or bool(task.section.reserve)
-        inner = MORE_INNER if more and task.method == "optimal" else task.inner
+    def on(cls, task: Task, grid: TimeGrid, holds: Holds = NO_HOLDS, *, inner: int | None = None) -> Stage:
+        """Build the constraints on a grid, with ``inner`` points in an interval, or as many as the plan needs."""
+        inner = task.points_inside(grid.map) if inner is None else inner
         problem, speeds = build(task.limits, grid, periodic=task.periodic, inner=inner)
         speed = SpeedBound.of(task.limits, speeds)
         if task.prescribed:

@@ -15,9 +15,9 @@ from planner import FeedrateProfile, load_curve, plan_feedrate
 from planner.errors import InfeasibleError, SolverError
 from planner.plan import refine
 from planner.plan import stage as stages
+from planner.plan.coarse import Effort
 from planner.plan.collocation import points_of
-from planner.plan.refine import Effort, Round
-from planner.plan.section import Section
+from planner.plan.refine import Round
 from planner.plan.solvers import interior as optimal
 from planner.plan.solvers import ipopt as nlp
 from planner.plan.stage import Stage, Task
@@ -344,30 +344,6 @@ def test_a_plan_with_prescribed_feeds_that_exceeds_its_limits_is_refused() -> No
         SolverError, match=r"start_feed = 10 to end_feed = 5 mm/s between u = 0 and 1 still exceeds .* 1\.000002 times"
     ):
         refine._require_met(prescribed, round_of(slowdown=1.000002))
-
-
-@pytest.mark.parametrize(
-    ("intervals", "share", "expected"),
-    [
-        (None, 1.0, (1000, True)),
-        (None, 0.3, (300, True)),
-        (None, 0.01, (200, True)),
-        (500, 0.5, (250, False)),
-        (500, 0.01, (24, False)),
-    ],
-)
-def test_the_effort_is_shared_among_sections(
-    intervals: int | None, share: float, expected: tuple[int, bool], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    section = SimpleNamespace(curve=SimpleNamespace(intervals_needed=lambda lo, hi: 10), u_start=0.0, u_end=1.0)
-    assert Effort.for_share(intervals, share, _as_section(section)) == Effort(*expected)
-    section.curve.intervals_needed = lambda lo, hi: 4000 if (lo, hi) == (0.0, 1.0) else 0
-    wanted = 4000 if intervals is None else expected[0]
-    assert Effort.for_share(intervals, share, _as_section(section)).intervals == wanted
-
-
-def _as_section(found: Any) -> Section:
-    return found  # type: ignore[no-any-return]
 
 
 def planned_with(

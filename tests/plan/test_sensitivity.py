@@ -19,9 +19,9 @@ from planner import Curve, FeedrateProfile, Limits, load_curve, load_limits, pla
 from planner.geometry.curve import FeedCaps
 from planner.geometry.formula import FormulaCurve
 from planner.geometry.nurbs import NurbsCurve
+from planner.plan.coarse import Effort, coarse_plan
 from planner.plan.collocation import states_between
 from planner.plan.guess import guess_feed
-from planner.plan.refine import Effort, first_stage
 from planner.plan.rows import build
 from planner.plan.section import cut
 from planner.plan.sensitivity import SpeedBound, saved_by_one_percent
@@ -175,7 +175,9 @@ def test_on_one_grid_the_savings_are_the_derivatives_of_the_time(name: str) -> N
     curve, limits, _ = CASES[name]()
     (section,) = cut(curve, limits, exact_stop=False)
     task = Task(section, limits, guess_feed(section, limits, 1000), "optimal", False, np.inf, None)
-    stage, before, _ = first_stage(task, Effort(1000, False), 1000, follow=False)
+    effort = Effort(1000, False)
+    coarse = coarse_plan(task, effort, 1000, follow=False)
+    stage, before = coarse.first_stage(task, effort, 1000, follow=False), coarse.attempt
 
     def solved(curve: Curve, limits: Limits) -> tuple[float, Mapping[str, float]]:
         changed = Stage.on(replace(task, limits=limits, section=replace(section, curve=curve)), stage.grid)

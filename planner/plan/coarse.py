@@ -1,0 +1,116 @@
+"""The plan before the plan: a coarse solution, in whose time the grid to begin with is placed.
+
+A solve in the time of a guess tells roughly how long each place takes; another on a grid that is even in that time tells
+where the jerk switches, and is the law whose time is the coordinate of what follows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from planner.plan.guess import breaks_inside
+from planner.plan.section import Section
+from planner.plan.stage import Attempt, Stage, Task
+from planner.plan.time_knots import TimeGrid, place_in_time
+from planner.plan.time_map import TimeMap
+
+DEFAULT_INTERVALS = 1000
+MIN_INTERVALS = 24
+_MIN_INTERVALS = 200  # of one section among several
+# How many times coarser than the grid that is asked for those of the guess and of the even solve are.  On a path with blends
+# that of the guess is not, and its macros are short, and its solve begins close to the guess: or programs of short lines end
+# in local optima up to 8 % slower.
+_COARSER_GUESS, _COARSER_EVEN = 4, 2
+# Intervals to a macro of the guess, and with blends; in all at least the first, up to the second as many as asked for; and
+# relative gaps of the coarse solves.
+_PER_GUESSED, _PER_GUESSED_BLENDS, _MIN_COARSE = 2, 4, (200, 300)
+_COARSE_GAP, _EVEN_GAP = 1e-2, 1e-4
+# Where the even grid has fewer intervals than this for a change of the jerk by its limit, it cannot tell the switches apart.
+_TO_TELL = 8.0
+# Where the number of intervals is free: so many for a change of the jerk by its limit, by the points inside one, and at most
+# so many times the usual.
+_PER_CHANGE, _MAX_FOR_CHANGES = {1: 26.0, 3: 15.0}, 4
+
+
+@dataclass(frozen=True)
+class Effort:
+    """Number of intervals to begin with, and whether refinement may choose more."""
+
+    intervals: int
+    free: bool
+
+    @classmethod
+    def for_share(cls, intervals: int | None, share: float, section: Section) -> Effort:
+        """For a section with this share of the path, given the number of intervals asked for, if any."""
+        if intervals is None:
+            least = DEFAULT_INTERVALS if share == 1.0 else _MIN_INTERVALS
+            needed = section.curve.intervals_needed(section.u_start, section.u_end)
+            return cls(max(least, round(DEFAULT_INTERVALS * share), needed), True)
+        return cls(max(MIN_INTERVALS, round(intervals * share)), False)
+
+
+@dataclass(frozen=True, eq=False)
+class Coarse:
+    """A plan on a coarse grid, in whose time the grid to begin with is placed; ``spent``: computing time of it, s."""
+
+    stage: Stage
+    attempt: Attempt
+    spent: float
+
+    @classmethod
+    def solved(cls, task: Task, stage: Stage, before: Coarse | None, gap: float) -> Coarse:
+        """Solve on a grid after another one."""
+        attempt = stage.solve(task, before.attempt if before else None, gap)
+        spent = attempt.work.solve_cpu_s + (before.spent if before else 0.0)
+        return cls(stage, replace(attempt, waypoint=None), spent)
+
+    def first_stage(self, task: Task, effort: Effort, most: int, *, follow: bool) -> Stage:
+        """The grid to begin with."""
+        return Stage.on(task, self.placed(task, effort, effort.intervals, most, follow=follow))
+
+    def placed(
+        self, task: Task, effort: Effort, intervals: int, most: int, *, follow: bool, even: bool = False
+    ) -> TimeGrid:
+        """A grid on the map of this plan."""
+        law = self.stage.time_law(self.attempt)
+        changes = self.stage.jerk_changes(self.attempt, law)
+        if effort.free and not even:
+            per_change = _PER_CHANGE[task.points_inside(self.stage.grid.map)]
+            intervals = int(np.clip(per_change * changes.change.sum(), intervals, _MAX_FOR_CHANGES * intervals))
+        return place_in_time(
+            task.section,
+            law,
+            changes,
+            min(intervals, most),
+            guess=task.guess,
+            even=even,
+            periodic=task.periodic,
+            period=task.limits.period,
+            follow=follow,
+        )
+
+
+def coarse_plan(task: Task, effort: Effort, most: int, *, follow: bool) -> Coarse:
+    """Solve coarsely: on a map of the guess, then on an even grid in the time of that plan.
+
+    On blends the second has as many intervals as these need, so that it tells where the jerk switches; elsewhere there is a
+    third where it does not.
+    """
+    section, wanted = task.section, effort.intervals
+    needed = section.curve.intervals_needed(section.u_start, section.u_end)
+    parts = _PER_GUESSED_BLENDS if needed else _PER_GUESSED
+    least = int(np.clip(wanted, *_MIN_COARSE))
+    count = max(least, wanted if needed else wanted // _COARSER_GUESS) // parts
+    on = TimeMap.from_guess(section, task.limits, task.guess, breaks_inside(section), count)
+    found = Coarse.solved(task, Stage.on(task, TimeGrid.even(on, parts), inner=1), None, _COARSE_GAP)
+    between = max(least, wanted // _COARSER_EVEN, min(2 * wanted, needed))
+    grid = found.placed(task, effort, between, most, follow=follow, even=True)
+    found = Coarse.solved(task, Stage.on(task, grid), found, _EVEN_GAP)
+    changes = float(found.stage.jerk_changes(found.attempt, found.stage.time_law(found.attempt)).change.sum())
+    told = min(round(_TO_TELL * changes), 2 * wanted if effort.free else wanted, most)
+    if found.stage.problem.inner == task.inner and told > 1.5 * between:
+        grid = found.placed(task, effort, told, most, follow=follow, even=True)
+        found = Coarse.solved(task, Stage.on(task, grid), found, _EVEN_GAP)
+    return found
