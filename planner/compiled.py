@@ -51,6 +51,9 @@ class _Prepared(partial[Any]):
     held: tuple[Any, ...]
 
 
+_Array = tuple[str, tuple[np.dtype[Any], ...], bool]
+
+
 class Function:
     """A function of the core.  Calling it checks and converts the arguments; see :meth:`bind` for calls without that."""
 
@@ -58,7 +61,7 @@ class Function:
         self.name = name
         self._call = getattr(library, name)
         self._call.restype = None if returned == "void" else _TYPES[returned][0]
-        types, self._arrays = [], list[tuple[str, tuple[np.dtype[Any], ...], bool] | None]()
+        types, self._arrays = [], list[_Array | None]()
         for parameter in parameters:
             match = _PARAMETER.match(parameter)
             if match is None or match[2] not in _TYPES:
@@ -72,22 +75,28 @@ class Function:
 
     def __call__(self, *arguments: Any) -> Any:
         """What the function returns; TypeError where an argument is none that it declares."""
-        return self._call(*self._converted(arguments))
+        return self._call(*self._converted(arguments, self._arrays))
 
-    def bind(self, *arguments: Any) -> Callable[[], Any]:
-        """The call with these arguments, converted once: what changes from call to call stands in the arrays."""
-        types = self._call.argtypes
-        converted = [c_type(value) for c_type, value in zip(types, self._converted(arguments), strict=True)]
+    def bind(self, *arguments: Any) -> Callable[..., Any]:
+        """The call with these arguments, converted once: what changes from call to call stands in the arrays.
+
+        What is left out, at the end, is given with each call.
+        """
+        first, others = self._arrays[: len(arguments)], self._arrays[len(arguments) :]
+        types = self._call.argtypes[: len(arguments)]
+        converted = [c_type(value) for c_type, value in zip(types, self._converted(arguments, first), strict=True)]
         prepared = _Prepared(self._call, *converted)
         prepared.held = arguments
-        return prepared
+        if not others:
+            return prepared
+        return lambda *rest: prepared(*self._converted(rest, others))
 
-    def _converted(self, arguments: tuple[Any, ...]) -> list[Any]:
-        if len(arguments) != len(self._arrays):
+    def _converted(self, arguments: tuple[Any, ...], arrays: list[_Array | None]) -> list[Any]:
+        if len(arguments) != len(arrays):
             raise TypeError(f"{self.name} takes {len(self._arrays)} arguments, not {len(arguments)}")
         return [
             argument if array is None or argument is None else self._address(argument, *array)
-            for argument, array in zip(arguments, self._arrays, strict=True)
+            for argument, array in zip(arguments, arrays, strict=True)
         ]
 
     def _address(self, array: Any, name: str, dtypes: tuple[np.dtype[Any], ...], written: bool) -> int:

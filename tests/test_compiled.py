@@ -80,6 +80,12 @@ def test_functions_are_called_as_declared(sample):
     assert core.sample_count(np.array([True, False, True]), 3) == 2
     again = core.sample_add.bind(2, 1.0, np.ones(2), y)
     assert [again(), again()] == [33.0, 34.0]
+    partly = core.sample_add.bind(2, 1.0)
+    assert [partly(np.ones(2), y), partly(np.zeros(2), y)] == [35.0, 35.0]
+    with pytest.raises(TypeError, match="sample_add takes 4 arguments"):
+        partly(y)
+    with pytest.raises(TypeError, match="y must be contiguous and writable"):
+        partly(y, np.ones(4)[::2])
 
 
 def test_wrong_arguments_are_refused(sample):

@@ -21,8 +21,8 @@ wherever u(t) crosses a knot of the curve, so that everything is smooth within a
 3. Where two spans meet, the values on either side are compared: a step of the velocity is a violation; so is, of an axis
    with a jerk limit, one of the acceleration, but at a jump of the curvature.  There a step D is what a drive sees as a
    jerk of 0.75 D / T, once it is sampled with the period T.
-4. The chord error is the true distance between the path and the chord of one period, for every phase of the sampling.
-   Chords that cannot be left as far as the highest are left out: what is measured in 1. bounds them (``chordbounds.py``).
+4. The chord error is the true distance between the path and the chord of one period, for every phase of the sampling.  What
+   is measured in 1. bounds it (``chordbounds.py``), so chords that cannot be left as far as the highest are left out.
 
 *Samples* are measured as a drive sees them: by differences over the period, held constant before the first and after
 the last one.

@@ -12,7 +12,6 @@ from planner.quantity import AXIS, FEED, JERK, QUANTITIES, Quantity
 from planner.verify.chords import profile_chord
 from planner.verify.findings import Report, Rows
 from planner.verify.implied_columns import Nodes
-from planner.verify.meanjerk import mean_jerks
 from planner.verify.motion import Motion, Quintics
 from planner.verify.scan import feed_under, machine_caps, scan_spans, worst_of
 from planner.verify.sizes import ON_KNOT, VELOCITY_STEP, extent, position_rounding
@@ -30,7 +29,7 @@ def check_profile(curve: Curve, limits: Limits, profile: FeedrateProfile, densit
     table = rows.rows
     rows.rows = []
     turning_back = VELOCITY_STEP * float(np.abs(profile.u_rate).max())
-    means = mean_jerks(motion)
+    means = scan.means
     allowed = {(q.label, j): value for q in QUANTITIES for j, value in _places(limits, q)}
     for name, j, worst, slack, place in worst_of(motion, scan, density):
         if name == JERK.label and means[j][0] - means[j][1] > worst - slack:

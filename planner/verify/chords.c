@@ -5,6 +5,8 @@
 
 #define INLINED static inline __attribute__((always_inline))
 
+static const double CLIMB_SHRINK = 3.0; /* of the half widths each round: the spacing is a quarter of them */
+
 static inline double within(double x, double low, double high) { return smaller(larger(x, low), high); }
 
 /* Squares of the distances of count points, points[j] (count) their coordinates j, from the segment from begin to end. */
@@ -115,25 +117,24 @@ HOT void chord_heights(int64_t n, int64_t chords, int64_t dim, int64_t stride, i
 }
 
 void chord_trials(int64_t intervals, const double *table, const double *begin, double low, double high, double period, int64_t n,
-                  int64_t m, const double *steps, double half_start, double half_share, const double *start,
-                  const double *share, double *u)
+                  int64_t m, const double *steps, const double *halves, const double *start, const double *share, double *u)
 {
     const Quintic *last = quintic_of(table, intervals - 1);
     const double end = last->start + last->h;
     int64_t interval = 0;
     for (int64_t i = 0; i < n; i++)
         for (int64_t chord = 0; chord < m; chord++) {
-            const double t = within(start[i] + half_start * steps[chord], 0.0, end);
+            const double t = within(start[i] + halves[0] * steps[chord], 0.0, end);
             for (int64_t k = 0; k < m + 2; k++) {
-                const double place = k < 2 ? (double)k : within(share[i] + half_share * steps[k - 2], 0.0, 1.0);
+                const double place = k < 2 ? (double)k : within(share[i] + halves[1] * steps[k - 2], 0.0, 1.0);
                 const double x = locate(table, intervals, begin, smaller(t + place * period, end), &interval);
                 *u++ = within(quintic_value(quintic_of(table, interval), x), low, high);
             }
         }
 }
 
-HOT void chord_choose(int64_t n, int64_t m, int64_t dim, const double *steps, double half_start, double half_share, double end,
-                      const double *points, double *start, double *share, double *height, double *work)
+HOT void chord_choose(int64_t n, int64_t m, int64_t dim, const double *steps, double end, double *halves, double *start,
+                      double *share, double *height, double *work, const double *points)
 {
     double *coordinates = work, *squared = work + dim * m, *along = squared + m;
     for (int64_t i = 0; i < n; i++) {
@@ -153,7 +154,9 @@ HOT void chord_choose(int64_t n, int64_t m, int64_t dim, const double *steps, do
             }
         }
         height[i] = sqrt(height[i]);
-        start[i] = within(start[i] + half_start * steps[best], 0.0, end);
-        share[i] = within(share[i] + half_share * steps[place], 0.0, 1.0);
+        start[i] = within(start[i] + halves[0] * steps[best], 0.0, end);
+        share[i] = within(share[i] + halves[1] * steps[place], 0.0, 1.0);
     }
+    halves[0] /= CLIMB_SHRINK;
+    halves[1] /= CLIMB_SHRINK;
 }

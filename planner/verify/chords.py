@@ -126,17 +126,16 @@ def _climb_chords(
     """Move start and place (share of the period) of each chord to the highest distance nearby; and that distance."""
     law, tip = motion.law, motion.curve.tip
     steps, end = np.linspace(-1.0, 1.0, _CLIMB_POINTS), float(law.start[-1] + law.h[-1])
-    half_start, half_share = period * _CHORD_STRIDE / CHORD_PARTS, 1.0 / CHORD_PARTS
+    halves = np.array([period * _CHORD_STRIDE, 1.0]) / CHORD_PARTS
     start, share, heights = start.copy(), share.copy(), np.empty(start.size)
     u = np.empty((start.size, steps.size, steps.size + 2))
-    left, work = np.zeros(u.size, dtype=np.bool_), np.empty(steps.size * (tip.dim + 2))
+    left, work, size = np.zeros(u.size, dtype=np.bool_), np.empty(steps.size * (tip.dim + 2)), u.shape[:2]
+    on_law = law.h.size, law.table, law.start, *motion.curve.domain, period
+    spread = core.chord_trials.bind(*on_law, *size, steps, halves, start, share, u)
+    choose = core.chord_choose.bind(*size, tip.dim, steps, end, halves, start, share, heights, work)
     for _ in range(_CLIMB_ROUNDS):
-        widths = half_start, half_share
-        on_law = law.h.size, law.table, law.start, *motion.curve.domain, period
-        core.chord_trials(*on_law, *u.shape[:2], steps, *widths, start, share, u)
-        points = tip._evaluate(u.reshape(-1), 0, left)
-        core.chord_choose(*u.shape[:2], tip.dim, steps, *widths, end, points, start, share, heights, work)
-        half_start, half_share = half_start / 3.0, half_share / 3.0  # a spacing is a quarter of the half-width
+        spread()
+        choose(tip._evaluate(u.reshape(-1), 0, left))
     return start, share, heights
 
 

@@ -100,15 +100,30 @@ void law_crossings(const double *table, int64_t n, const int64_t *interval, cons
     }
 }
 
+/* Write k >= 2 equidistant places from begin to end, both included exactly. */
+INLINED void divide_span(int64_t k, double begin, double end, double *restrict x)
+{
+    const double step = 1.0 / (double)(k - 1), width = end - begin;
+    for (int64_t p = 0; p < k; p++)
+        x[p] = begin + width * ((double)p * step);
+    x[k - 1] = end;
+}
+
+/* Write u at k places of a span within its ends, begin and end, and which of them are its last; last: x there. */
+INLINED void place_span(const Quintic *law, int64_t k, const double *restrict x, double begin, double end, double last,
+                        double *restrict u, uint8_t *restrict left)
+{
+    const double low = smaller(begin, end), high = larger(begin, end);
+    for (int64_t p = 0; p < k; p++)
+        u[p] = smaller(larger(quintic_value(law, x[p]), low), high);
+    for (int64_t p = 0; p < k; p++)
+        left[p] = (u[p] >= end) | (x[p] >= last);
+}
+
 HOT void motion_grid(int64_t n, int64_t k, const int64_t *span, const double *lower, const double *upper, double *x)
 {
-    const double step = 1.0 / (double)(k - 1);
-    for (int64_t i = 0; i < n; i++) {
-        const double begin = lower[span[i]], width = upper[span[i]] - begin;
-        for (int64_t p = 0; p < k; p++)
-            x[i * k + p] = begin + width * ((double)p * step);
-        x[i * k + k - 1] = upper[span[i]];
-    }
+    for (int64_t i = 0; i < n; i++)
+        divide_span(k, lower[span[i]], upper[span[i]], x + i * k);
 }
 
 HOT void motion_place(const double *table, int64_t spans, const int64_t *interval, const double *upper,
@@ -118,18 +133,25 @@ HOT void motion_place(const double *table, int64_t spans, const int64_t *interva
     for (int64_t i = 0; i < n; i++) {
         const int64_t at = span[i];
         const Quintic *law = quintic_of(table, interval[at]);
-        const double begin = u_ends[at], end = u_ends[spans + at], last = upper[at];
-        const double low = smaller(begin, end), high = larger(begin, end);
-        const double *restrict place = x + i * k;
-        double *restrict value = u + i * k;
-        uint8_t *restrict inside = left + i * k;
-        for (int64_t p = 0; p < k; p++)
-            value[p] = smaller(larger(quintic_value(law, place[p]), low), high);
-        for (int64_t p = 0; p < k; p++)
-            inside[p] = (value[p] >= end) | (place[p] >= last);
+        place_span(law, k, x + i * k, u_ends[at], u_ends[spans + at], upper[at], u + i * k, left + i * k);
         if (rates)
-            quintic_rates(law, k, place, n * k, rates + i * k);
+            quintic_rates(law, k, x + i * k, n * k, rates + i * k);
         for (int j = 0; slack && j < 3; j++)
+            slack[3 * i + j] = law->slack[j];
+    }
+}
+
+HOT void motion_sweep(const double *table, int64_t spans, const int64_t *interval, const double *lower,
+                      const double *upper, const double *u_ends, int64_t room, int64_t k, const int64_t *window, double *x,
+                      double *u, uint8_t *left, double *rates, double *slack)
+{
+    for (int64_t i = 0; i < window[1]; i++) {
+        const int64_t at = window[0] + i;
+        const Quintic *law = quintic_of(table, interval[at]);
+        divide_span(k, lower[at], upper[at], x + i * k);
+        place_span(law, k, x + i * k, u_ends[at], u_ends[spans + at], upper[at], u + i * k, left + i * k);
+        quintic_rates(law, k, x + i * k, room * k, rates + i * k);
+        for (int j = 0; j < 3; j++)
             slack[3 * i + j] = law->slack[j];
     }
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -185,10 +186,13 @@ class Motion:
         inside it, and whether these are the same; time derivatives of u (3, n, k), and what rounding can change in
         them (n, 3).
         """
-        rates, slack = np.empty((3, *x.shape)), np.empty((x.shape[0], 3))
-        u, left = self._place(span, x, rates, slack)
-        d, p = self.curve.derivatives_with_tip(u.reshape(-1), 3, side=left.reshape(-1))
-        return d, p, p is d, rates, slack
+        look = Look(self, span, np.ascontiguousarray(x))
+        d, p = look()
+        return d, d if p is None else p, p is None, look.rates, look.slack
+
+    def sweep(self, density: int, room: int) -> Sweep:
+        """All spans, so many at a time, at ``density`` points each, both ends included."""
+        return Sweep(self, density, room)
 
     def measure(self, span: IntArray, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Signed values and slack of every quantity, (quantities, n, k), on the spans (n,) at x (n, k)."""
@@ -200,6 +204,68 @@ class Motion:
         u, left = self._place(span, x, rates)
         slope = self.curve.tip.derivatives(u, 1, side=left)[1]
         return np.asarray(norm(slope) * rates[0])
+
+
+class _Points:
+    """Points of spans, in arrays that are filled again and again.
+
+    Attributes
+    ----------
+    x : (n, k) array
+        Places on n spans.
+    rates, slack : (3, n, k) and (n, 3) arrays
+        Time derivatives of u there, and what rounding can change in them.
+    """
+
+    def __init__(self, motion: Motion, x: FloatArray) -> None:
+        self.x, self.curve = x, motion.curve
+        self.u, self.left = np.empty(x.shape), np.empty(x.shape, dtype=np.bool_)
+        self.rates, self.slack = np.empty((3, *x.shape)), np.empty((x.shape[0], 3))
+
+    def derivatives(self) -> tuple[FloatArray, FloatArray | None]:
+        """Derivatives of the machine axes (4, n k, dim) and of the tool tip there, None where these are the same."""
+        d, p = self.curve._evaluate_with_tip(self.u.reshape(-1), 3, self.left.reshape(-1))
+        return d, None if p is d else p
+
+
+class Look(_Points):
+    """Some spans, at places that may be others each time."""
+
+    def __init__(self, motion: Motion, span: IntArray, x: FloatArray) -> None:
+        super().__init__(motion, x)
+        spans = motion.interval.size, motion.interval, motion.upper, motion.u_ends
+        filled = self.u, self.left, self.rates, self.slack
+        self._place = core.motion_place.bind(motion.law.table, *spans, *x.shape, span, x, *filled)
+
+    def __call__(self) -> tuple[FloatArray, FloatArray | None]:
+        """Derivatives at the places that stand in ``x`` now."""
+        self._place()
+        return self.derivatives()
+
+
+class Sweep(_Points):
+    """All spans, one window after the other.
+
+    Attributes
+    ----------
+    window : (2,) int array
+        First span, and how many.
+    """
+
+    def __init__(self, motion: Motion, density: int, room: int) -> None:
+        super().__init__(motion, np.empty((room, density)))
+        self.window, self._spans = np.zeros(2, dtype=np.intp), motion.interval.size
+        self.u[:] = motion.curve.domain[0]  # where a window is smaller than there is room
+        spans = self._spans, motion.interval, motion.lower, motion.upper, motion.u_ends
+        filled = self.x, self.u, self.left, self.rates, self.slack
+        self._place = core.motion_sweep.bind(motion.law.table, *spans, *self.x.shape, self.window, *filled)
+
+    def __iter__(self) -> Iterator[tuple[FloatArray, FloatArray | None]]:
+        room = self.x.shape[0]
+        for first in range(0, self._spans, room):
+            self.window[:] = first, min(room, self._spans - first)
+            self._place()
+            yield self.derivatives()
 
 
 def measure_points(

@@ -57,18 +57,35 @@ class Highest:
         """Place of each, (rows, candidates)."""
         return np.ascontiguousarray(self._x[:, : self._kept[0]])
 
+    @property
+    def rows(self) -> tuple[int, IntArray, FloatArray, IntArray, FloatArray]:
+        """Room of each row, and the arrays that compiled code keeps: how many, heights, indices, places."""
+        return CANDIDATES, self._kept, self._height, self._index, self._x
+
     def offer(self, height: FloatArray, index: IntArray, x: FloatArray) -> None:
         """Take the highest of these, (rows, n), known by their index (n,) and the place x (rows, n) of each."""
-        rows = self._kept.size, index.size
-        core.peaks_keep(*rows, height, index, x, CANDIDATES, self._kept, self._height, self._index, self._x)
+        core.peaks_keep(self._kept.size, index.size, height, index, x, *self.rows)
+
+
+def zoom_trials(count: int) -> FloatArray:
+    """Room for the places that a round of :func:`zoom` looks at, (count, k)."""
+    return np.empty((count, _ZOOM_POINTS))
 
 
 def zoom(
-    height: Callable[[FloatArray], FloatArray], x: FloatArray, half: FloatArray, lower: FloatArray, upper: FloatArray
+    height: Callable[[FloatArray], FloatArray],
+    x: FloatArray,
+    half: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    trials: FloatArray | None = None,
 ) -> FloatArray:
-    """Climb to the highest point within x - half .. x + half, each row of x (n,) on its own."""
+    """Climb to the highest point within x - half .. x + half, each row of x (n,) on its own.
+
+    ``trials``: :func:`zoom_trials`, for a function of the height that knows the array.
+    """
     steps, x, half = np.linspace(-1.0, 1.0, _ZOOM_POINTS), x.copy(), half.copy()
-    trials = np.empty((x.size, steps.size))
+    trials = zoom_trials(x.size) if trials is None else trials
     spread = core.peaks_trials.bind(*trials.shape, steps, x, half, lower, upper, trials)
     for _ in range(_ZOOM_ROUNDS):
         spread()

@@ -56,4 +56,35 @@ static inline double peak(int64_t n, const double *heights, int64_t top)
     return heights[top];
 }
 
+/* The highest of a row: how high, known by their index, and where. */
+typedef struct {
+    int64_t room, *kept;
+    double *height;
+    int64_t *index;
+    double *x;
+} Tops;
+
+static inline int precedes(double height, int64_t index, double other, int64_t other_index)
+{
+    return height > other || (height == other && index < other_index);
+}
+
+/* Take one among the highest where it is; of equal ones that of the least index. */
+static inline void tops_take(const Tops *tops, double height, int64_t index, double x)
+{
+    int64_t at = *tops->kept;
+    if (at == tops->room && !precedes(height, index, tops->height[at - 1], tops->index[at - 1]))
+        return;
+    /* An insertion: those that are lower move on, and the last of a full row falls out. */
+    at = at == tops->room ? at - 1 : (*tops->kept)++;
+    for (; at > 0 && precedes(height, index, tops->height[at - 1], tops->index[at - 1]); at--) {
+        tops->height[at] = tops->height[at - 1];
+        tops->index[at] = tops->index[at - 1];
+        tops->x[at] = tops->x[at - 1];
+    }
+    tops->height[at] = height;
+    tops->index[at] = index;
+    tops->x[at] = x;
+}
+
 #endif

@@ -1,3 +1,5 @@
+#include "planner/verify/law_inline.h"
+#include "planner/verify/meanjerk_inline.h"
 #include "planner/verify/motion_inline.h"
 #include "planner/verify/peaks_inline.h"
 #include "planner/verify/verify.h"
@@ -12,8 +14,8 @@ INLINED void use_of(const Quantities *block, int64_t row, int64_t count, double 
     }
 }
 
-HOT void scan_used(int64_t n, int64_t k, int64_t dim, int64_t tip, const double *d, const double *p, const double *rates,
-                   const double *slack, const int64_t *row, double *used)
+HOT void scan_used(int64_t n, int64_t k, int64_t dim, int64_t tip, const double *rates, const double *slack, const int64_t *row,
+                   double *used, const double *d, const double *p)
 {
     const States states = {n * k, dim, tip, d, p, rates, slack, k};
     Quantities block;
@@ -64,48 +66,70 @@ INLINED void course_raise(const Quantities *block, int64_t count, double *course
     }
 }
 
-HOT void scan_measure(int64_t n, int64_t k, int64_t dim, int64_t tip, const double *d, const double *p,
-                      const double *rates, const double *slack, const double *x, double *ends, double *height,
-                      double *place, double *largest, double *jerk, double *feed, double *feed_place, double *course, double *work)
+/* The mean jerk of every axis from the first to the last point of a span, into every spans-th number. */
+static void mean_jerks(const States *states, int64_t first, int64_t last, const Quintic *law, const double *u, double gap,
+                       int64_t spans, double *mean, double *slack)
 {
-    const States states = {n * k, dim, tip, d, p, rates, slack, k};
+    const int64_t dim = states->dim, points = states->points;
+    for (int64_t j = 0; j < dim; j++) {
+        const Node begin = {states->d + first * dim + j, points * dim, u[0], states->rates[first],
+                            states->rates[points + first]};
+        const Node end = {states->d + last * dim + j, points * dim, u[spans], states->rates[last],
+                          states->rates[points + last]};
+        mean[j * spans] = mean_jerk(&begin, &end, gap, law->start, law->h, slack + j * spans);
+    }
+}
+
+HOT void scan_measure(const double *table, int64_t spans, const int64_t *interval, const double *lower, const double *upper,
+                      const double *u_ends, const double *gap, int64_t room, int64_t k, const int64_t *window,
+                      const double *x, const double *rates, const double *slack, int64_t dim, int64_t tip, double *ends,
+                      int64_t candidates, int64_t *kept, double *best, int64_t *best_span, double *best_x, double *largest,
+                      double *jerk, double *feed, double *feed_place, double *course, double *mean, double *mean_slack,
+                      double *work, const double *d, const double *p)
+{
+    const States states = {room * k, dim, tip, d, p, rates, slack, k};
     const int64_t rows = FIRST_AXIS + 3 * dim;
     Quantities block;
-    for (int64_t i = 0; i < n; i++, course += COURSE_SIZES + 6 * tip) {
+    for (int64_t i = 0, at = window[0]; i < window[1]; i++, at++) {
+        double *own = course + at * (COURSE_SIZES + 6 * tip);
         for (int row = 0; row < COURSE_SIZES; row++)
-            course[row] = 0.0;
-        end_of_tip(&states, i * k, course + COURSE_SIZES);
-        end_of_tip(&states, i * k + k - 1, course + COURSE_SIZES + 3 * tip);
+            own[row] = 0.0;
+        end_of_tip(&states, i * k, own + COURSE_SIZES);
+        end_of_tip(&states, i * k + k - 1, own + COURSE_SIZES + 3 * tip);
         for (int64_t first = 0; first < k; first += BLOCK) {
             const int64_t count = k - first < BLOCK ? k - first : BLOCK;
             measure_block(&states, i * k + first, count, &block);
-            course_raise(&block, count, course);
+            course_raise(&block, count, own);
             for (int64_t row = 0; row < rows; row++)
                 use_of(&block, row, count, work + row * k + first);
             if (first == 0)
                 for (int64_t row = 0; row < rows; row++)
-                    ends[row * n + i] = block.value[row][0];
+                    ends[row * spans + at] = block.value[row][0];
             if (first + count == k)
                 for (int64_t row = 0; row < rows; row++)
-                    ends[(rows + row) * n + i] = block.value[row][count - 1];
+                    ends[(rows + row) * spans + at] = block.value[row][count - 1];
             const int64_t top = highest(count, block.value[FEED]);
-            if (first == 0 || block.value[FEED][top] > feed[i]) {
-                feed[i] = block.value[FEED][top];
-                feed_place[i] = x[i * k + first + top];
+            if (first == 0 || block.value[FEED][top] > feed[at]) {
+                feed[at] = block.value[FEED][top];
+                feed_place[at] = x[i * k + first + top];
             }
         }
         for (int64_t row = 0; row < rows; row++) {
             double *used = work + row * k;
             const int64_t top = highest(k, used);
-            height[row * n + i] = peak(k, used, top);
-            place[row * n + i] = x[i * k + top];
+            const Tops tops = {candidates, kept + row, best + row * candidates, best_span + row * candidates,
+                               best_x + row * candidates};
+            tops_take(&tops, peak(k, used, top), at, x[i * k + top]);
             largest[row] = larger(largest[row], used[top]);
             if (row < rows - dim)
                 continue;
-            double *of_axis = jerk + (row - rows + dim) * n + i;
+            double *of_axis = jerk + (row - rows + dim) * spans + at;
             for (int64_t point = 0; point < k; point++)
                 used[point] = larger(used[point], 0.0);
             *of_axis = peak(k, used, used[top] > 0.0 ? top : 0);
         }
+        if (lower[at] == 0.0 && upper[at] == 1.0)
+            mean_jerks(&states, i * k, i * k + k - 1, quintic_of(table, interval[at]), u_ends + at, gap[at], spans, mean + at,
+                       mean_slack + at);
     }
 }

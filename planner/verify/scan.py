@@ -12,8 +12,9 @@ from planner.geometry.curve import FeedCaps
 from planner.machine.limits import Limits
 from planner.types import FloatArray, IntArray
 from planner.verify.findings import Place
-from planner.verify.motion import Motion
-from planner.verify.peaks import Highest, chunks, zoom
+from planner.verify.meanjerk import gaps_around, mean_jerks
+from planner.verify.motion import Look, Motion
+from planner.verify.peaks import Highest, chunk_size, chunks, zoom, zoom_trials
 from planner.verify.quantities import axis_rows, names, sizes_of
 from planner.verify.sizes import VELOCITY_STEP
 
@@ -39,6 +40,8 @@ class Scan:
     course : (spans, 5 + 6 tip)
         Of the tip the largest acceleration across and along its path, the fastest turning of its direction, and the largest
         jerk along and across, at the points of each span; place, velocity and direction at both ends.
+    means : list of (value, slack, place)
+        The largest mean jerk of each axis over an interval.
     density : int
         Points a span.
     """
@@ -52,6 +55,7 @@ class Scan:
     feed: FloatArray
     feed_place: FloatArray
     course: FloatArray
+    means: list[tuple[float, float, Place]]
     density: int
 
 
@@ -60,65 +64,47 @@ def scan_spans(motion: Motion, density: int) -> Scan:
     dim, spans, tip = motion.curve.dim, motion.interval.size, motion.curve.tip.dim
     count = len(names(dim))
     tops = Highest(count)
-    largest, work = np.zeros(count), np.empty((count, density))
-    jerk = np.empty((dim, spans))
-    steps = np.zeros((2, spans + 1, dim))
-    before, after = np.zeros((2, spans + 1)), np.zeros((2, spans + 1))
+    largest, work, jerk = np.zeros(count), np.empty((count, density)), np.empty((dim, spans))
+    ends, course = np.empty((2, count, spans)), np.empty((spans, _COURSE_SIZES + 6 * tip))
     feed, feed_place = np.empty((2, spans))
-    course = np.empty((spans, _COURSE_SIZES + 6 * tip))
+    mean, mean_slack = np.zeros((2, dim, spans))
     coordinates = dim if motion.curve.tip is motion.curve else dim + tip
-    for span in chunks(spans, density * max(1, coordinates // 4)):  # fewer points, where each has more numbers
-        some = slice(span[0], span[-1] + 1)
-        x = motion.grid(span, density)
-        ends, kept = np.empty((2, count, span.size)), np.empty((2, count, span.size))
-        d, p, cartesian, rates, slack = motion.states(span, x)
-        of_chunk = np.empty((dim, span.size))
-        feeds = feed[some], feed_place[some]
-        core.scan_measure(
-            *x.shape,
-            dim,
-            tip,
-            d,
-            None if cartesian else p,
-            rates,
-            slack,
-            x,
-            ends,
-            *kept,
-            largest,
-            of_chunk,
-            *feeds,
-            course[some],
-            work,
-        )
-        jerk[:, some] = of_chunk
-        for k in range(2):
-            first, last = ends[:, axis_rows(dim, k)]
-            steps[k, some] += first.T
-            steps[k, some.start + 1 : some.stop + 1] -= last.T
-        after[:, some], before[:, some.start + 1 : some.stop + 1] = ends[0, :2], ends[1, :2]
-        tops.offer(kept[0], span, kept[1])
-    rests = np.minimum(before[0], after[0]) <= VELOCITY_STEP * largest[0]
-    along = np.where(rests, np.abs(after[1]) - np.abs(before[1]), after[1] - before[1])
-    return Scan(tops.index, tops.x, largest, jerk, steps, along, feed, feed_place, course, density)
+    room = min(spans, chunk_size(density * max(1, coordinates // 4)))  # fewer points, where each has more numbers
+    sweep = motion.sweep(density, room)
+    of_spans = motion.law.table, spans, motion.interval, motion.lower, motion.upper, motion.u_ends, gaps_around(motion)
+    of_points = room, density, sweep.window, sweep.x, sweep.rates, sweep.slack, dim, tip
+    found = ends, *tops.rows, largest, jerk, feed, feed_place, course, mean, mean_slack, work
+    measure = core.scan_measure.bind(*of_spans, *of_points, *found)
+    for d, p in sweep:
+        measure(d, p)
+    steps = np.zeros((2, spans + 1, dim))
+    for k in range(2):
+        first, last = ends[:, axis_rows(dim, k)]
+        steps[k, :-1] += first.T
+        steps[k, 1:] -= last.T
+    (_, after), (_, before) = (np.pad(ends[k, :2], ((0, 0), (k, 1 - k))) for k in range(2))
+    slowest = np.minimum(np.append(ends[0, 0], 0.0), np.append(0.0, ends[1, 0]))
+    rests = slowest <= VELOCITY_STEP * largest[0]
+    along = np.where(rests, np.abs(after) - np.abs(before), after - before)
+    means = mean_jerks(motion, mean, mean_slack)
+    return Scan(tops.index, tops.x, largest, jerk, steps, along, feed, feed_place, course, means, density)
 
 
 def worst_of(motion: Motion, scan: Scan, density: int) -> Iterator[tuple[str, int, float, float, Place]]:
     """Yield quantity, axis, worst value, its slack and its place, after the search around the highest points."""
-    rows = names(motion.curve.dim)
+    rows, dim = names(motion.curve.dim), motion.curve.dim
     span, candidates = scan.top_span.reshape(-1), scan.top_span.shape[1]
     quantity = np.repeat(np.arange(len(rows)), candidates)
-    every = np.arange(span.size)
+    every, trials = np.arange(span.size), zoom_trials(span.size)
+    look, used = Look(motion, span, trials), np.empty(trials.shape)
+    measure = core.scan_used.bind(*trials.shape, dim, motion.curve.tip.dim, look.rates, look.slack, quantity, used)
 
-    def height(x: FloatArray) -> FloatArray:
-        d, p, cartesian, rates, slack = motion.states(span, x)
-        used = np.empty(x.shape)
-        of_tip = p.shape[2], d, None if cartesian else p
-        core.scan_used(*x.shape, motion.curve.dim, *of_tip, rates, slack, quantity, used)
+    def height(_: FloatArray) -> FloatArray:
+        measure(*look())
         return used
 
     lower, upper = motion.lower[span], motion.upper[span]
-    x = zoom(height, scan.top_x.reshape(-1), (upper - lower) / (density - 1), lower, upper)[:, None]
+    x = zoom(height, scan.top_x.reshape(-1), (upper - lower) / (density - 1), lower, upper, trials)[:, None]
     values, slack = motion.measure(span, x)
     worst, slack = sizes_of(values)[quantity, every, 0], slack[quantity, every, 0]
     u, t = motion.parameter(span, x)[:, 0], motion.time(span, x[:, 0])

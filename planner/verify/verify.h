@@ -37,31 +37,38 @@ void motion_place(const double *table, int64_t spans, const int64_t *interval, c
                   const double *u_ends, int64_t n, int64_t k, const int64_t *span, const double *x, double *u,
                   uint8_t *left, double *rates, double *slack);
 
+/* Both for the spans of a window, its first and how many, at most room: x (room, k), u, left, rates (3, room, k) and slack. */
+void motion_sweep(const double *table, int64_t spans, const int64_t *interval, const double *lower, const double *upper,
+                  const double *u_ends, int64_t room, int64_t k, const int64_t *window, double *x, double *u, uint8_t *left,
+                  double *rates, double *slack);
+
 /* Write all quantities of quantities.py and their slack, (4 + 3 dim, n, k), on n spans at k points each, from the derivatives
  * d (4, n k, dim) of the machine axes and p (4, n k, tip) of the tool tip with respect to u (p NULL: the same), the time
  * derivatives of u, rates (3, n, k), and what rounding can change in these, slack (n, 3). */
 void motion_measure(int64_t n, int64_t k, int64_t dim, int64_t tip, const double *d, const double *p,
                     const double *rates, const double *slack, double *values, double *granted);
 
-/* Measure spans as motion_measure does at x (n, k), and keep of each of them and every quantity only the highest.
- * ends (2, 4 + 3 dim, n): values at the first and the last point; height and place (4 + 3 dim, n): the peak of the sizes less
- * their slack, and x there; largest (4 + 3 dim) is raised to the largest of these without the parabola; jerk (dim, n): the
- * peak of the axes' jerk less its slack; feed and feed_place (n): the highest feed at the points, and x there.  course (n, 5 + 6 tip): of the tip the largest acceleration across
- * and along its path, the fastest turning of its direction, and the largest jerk along and across at the points; then place, velocity
- * and direction at both ends.  work: 31 k numbers. */
-void scan_measure(int64_t n, int64_t k, int64_t dim, int64_t tip, const double *d, const double *p, const double *rates,
-                  const double *slack, const double *x, double *ends, double *height, double *place, double *largest,
-                  double *jerk, double *feed, double *feed_place, double *course, double *work);
+/* Measure the spans of a window as motion_measure does, as motion_sweep has placed them, and keep of each of them, and of every quantity
+ * among all spans, only the highest.
+ * ends (2, 4 + 3 dim, spans): values at the first and the last point; best, best_span, best_x (4 + 3 dim, candidates): the highest
+ * peaks of the sizes less their slack, kept (4 + 3 dim) of them, as peaks_keep has them; largest (4 + 3 dim) is raised to the largest
+ * of these without the parabola; jerk (dim, spans): the peak of the axes' jerk less its slack; feed and feed_place (spans): the
+ * highest feed at the points, and x there.
+ * course (spans, 5 + 6 tip): of the tip the largest acceleration across and along its path, the fastest turning of its direction, and
+ * the largest jerk along and across at the points; then place, velocity and direction at both ends.
+ * mean and mean_slack (dim, spans): the size of the mean jerk of every axis over the interval that a span is, and what rounding can make
+ * of it; 0 of others.  gap (spans): between the knots of the curve around it.
+ * work: 31 k numbers.  d (4, room k, dim) and p (4, room k, tip) as in motion_measure. */
+void scan_measure(const double *table, int64_t spans, const int64_t *interval, const double *lower, const double *upper,
+                  const double *u_ends, const double *gap, int64_t room, int64_t k, const int64_t *window, const double *x,
+                  const double *rates, const double *slack, int64_t dim, int64_t tip, double *ends, int64_t candidates,
+                  int64_t *kept, double *best, int64_t *best_span, double *best_x, double *largest, double *jerk,
+                  double *feed, double *feed_place, double *course, double *mean, double *mean_slack, double *work,
+                  const double *d, const double *p);
 
 /* Write the size less its slack of one quantity a span, row (n), at its points: used (n, k). */
-void scan_used(int64_t n, int64_t k, int64_t dim, int64_t tip, const double *d, const double *p, const double *rates,
-               const double *slack, const int64_t *row, double *used);
-
-/* Write the size of the mean jerk of every axis over intervals (n), and what rounding can make of it: mean and slack (dim, n).
- * Of both ends of each: derivatives d (4, 2 n, dim), rates (3, n, 2) and u (n, 2); start and duration h; gap between the knots of
- * the curve around it. */
-void meanjerk_measure(int64_t n, int64_t dim, const double *d, const double *rates, const double *u, const double *start,
-                      const double *h, const double *gap, double *mean, double *slack);
+void scan_used(int64_t n, int64_t k, int64_t dim, int64_t tip, const double *rates, const double *slack, const int64_t *row,
+               double *used, const double *d, const double *p);
 
 /* Write what no chord of a period within windows (n) of time, each from .. to, both ascending, can be left by: bound (n), further than
  * by rounding.  Of all spans: time (2, spans) their begin and end, course as scan_measure writes it with so many points.  turning: the
@@ -77,15 +84,14 @@ void chord_heights(int64_t n, int64_t chords, int64_t dim, int64_t stride, int64
                    double *height, int64_t *top, double *work);
 
 /* Write u, (n, m, m + 2), at trial chords of a period: of each of n chords all that begin at its start plus steps (m) times half a
- * width, at both ends and at its share plus steps times half a width of that. */
+ * width, at both ends and at its share plus steps times half a width of that: halves (2). */
 void chord_trials(int64_t intervals, const double *table, const double *begin, double low, double high, double period, int64_t n,
-                  int64_t m, const double *steps, double half_start, double half_share, const double *start,
-                  const double *share, double *u);
+                  int64_t m, const double *steps, const double *halves, const double *start, const double *share, double *u);
 
-/* Move start and share (n) to the highest of the trials, at points (n, m, m + 2, dim), and write how high it is.  work: m (dim + 2)
- * numbers. */
-void chord_choose(int64_t n, int64_t m, int64_t dim, const double *steps, double half_start, double half_share, double end,
-                  const double *points, double *start, double *share, double *height, double *work);
+/* Move start and share (n) to the highest of the trials, at points (n, m, m + 2, dim), write how high it is, and narrow halves.  work: m
+ * (dim + 2) numbers. */
+void chord_choose(int64_t n, int64_t m, int64_t dim, const double *steps, double end, double *halves, double *start,
+                  double *share, double *height, double *work, const double *points);
 
 /* Take what is offered, height and x (rows, n) with index (n), among the highest of each row: best, best_index and best_x (rows,
  * room), highest first, of equal ones that of the least index; kept (rows) of them hold something. */

@@ -9,9 +9,11 @@ from check_plans import plan_on
 
 from planner.compiled import core
 from planner.geometry.chord import distance_to_chord
+from planner.verify.meanjerk import gaps_around
 from planner.verify.motion import Motion, Quintics, measure_points
 from planner.verify.peaks import CANDIDATES, Highest, peaks
 from planner.verify.quantities import REVERSAL, axis_rows, names
+from planner.verify.scan import scan_spans
 
 
 @pytest.fixture(scope="module", params=["circle", "flank"])
@@ -21,16 +23,32 @@ def motion(request):
     return Motion.of(profile.curve, Quintics.of(profile))
 
 
-def scanned(states, x):
-    """What the scan keeps of spans at x (n, k): ends, height, place, largest, jerk, feed and its place."""
+def scanned(states, x, u_ends=None, law=None):
+    """What the scan keeps of spans at x (n, k), each a whole interval, of which as many are kept as there are.
+
+    Ends, heights, spans and places of the highest, largest, jerk, feed and its place, course, mean jerk and its slack.
+    """
     d, p, cartesian, rates, slack = states
     count, dim, spans = len(names(d.shape[2])), d.shape[2], x.shape[0]
-    ends, height, place = np.empty((2, count, spans)), *np.empty((2, count, spans))
+    kept, tops = np.zeros(count, dtype=np.intp), np.empty((2, count, spans))
+    ends, at = np.empty((2, count, spans)), np.empty((count, spans), dtype=np.intp)
     largest, jerk, feed, feed_place = np.zeros(count), np.empty((dim, spans)), *np.empty((2, spans))
-    kept = ends, height, place, largest, jerk, feed, feed_place
-    work, course = np.empty((count, x.shape[1])), np.empty((spans, 5 + 6 * p.shape[2]))
-    core.scan_measure(*x.shape, dim, p.shape[2], d, None if cartesian else p, rates, slack, x, *kept, course, work)
-    return *kept, course
+    course, mean, off = np.empty((spans, 5 + 6 * p.shape[2])), *np.empty((2, dim, spans))
+    table = np.ones((spans, 17)) if law is None else law
+    u_ends = np.ones((2, spans)) if u_ends is None else u_ends
+    of_spans = table, spans, np.arange(spans), np.zeros(spans), np.ones(spans), u_ends, np.full(spans, 0.5)
+    found = spans, kept, tops[0], at, tops[1], largest, jerk, feed, feed_place, course, mean, off
+    of_points = *x.shape, np.array([0, spans]), x, rates, slack, dim, p.shape[2]
+    work = np.empty((count, x.shape[1]))
+    core.scan_measure(*of_spans, *of_points, ends, *found, work, d, None if cartesian else p)
+    assert (kept == spans).all()
+    return ends, tops[0], at, tops[1], largest, jerk, feed, feed_place, course, mean, off
+
+
+def every_top(heights, places, spans, row):
+    """Height and place of each span, from those in the order of their heights."""
+    order = np.argsort(spans[row])
+    return heights[row][order], places[row][order]
 
 
 def chained(d, rates):
@@ -99,7 +117,9 @@ def test_the_peaks_of_spans_are_those_of_all_their_points(motion, density):
     span = np.arange(motion.interval.size)
     x = motion.grid(span, density)
     dim = motion.curve.dim
-    ends, height, place, largest, jerk, feed, feed_place, _ = scanned(motion.states(span, x), x)
+    ends, heights, spans, places, largest, jerk, feed, feed_place, *_ = scanned(motion.states(span, x), x)
+    height, place = np.array([every_top(heights, places, spans, k) for k in range(len(heights))]).swapaxes(0, 1)
+    assert (np.diff(heights, axis=1) <= 0.0).all()
     values, slack = motion.measure(span, x)
     sizes = np.abs(values)
     sizes[REVERSAL] = values[REVERSAL]
@@ -137,8 +157,13 @@ def test_compiled_measurement_has_the_bits_of_the_plain_one(motion, density):
     largest, jerk = np.zeros(count), np.empty((dim, spans))
     with np.errstate(all="ignore"):
         plain.measure_spans(*states, ends, height, top, largest, jerk)
-    found = scanned(states, x)
-    for one, other in zip(found, (ends, height, x[np.arange(spans), top], largest, jerk), strict=False):
+    own_ends, heights, at, places, *others = scanned(states, x)
+    assert np.array_equal(own_ends, ends, equal_nan=True)
+    for row in range(count):
+        one, place = every_top(heights, places, at, row)
+        assert np.array_equal(one, height[row], equal_nan=True)
+        assert np.array_equal(place, x[np.arange(spans), top[row]])
+    for one, other in zip(others, (largest, jerk), strict=False):
         assert np.array_equal(one, other, equal_nan=True)
 
 
@@ -147,12 +172,13 @@ def test_what_is_not_a_number_is_the_highest(motion):
     d, p, cartesian, rates, slack = motion.states(span, motion.grid(span, 24))
     rates[2, 5, 11] = np.nan
     x = np.tile(np.arange(24.0), (8, 1))
-    _, height, place, _, jerk, *_ = scanned((d, p, cartesian, rates, slack), x)
+    _, heights, spans, places, _, jerk, *_ = scanned((d, p, cartesian, rates, slack), x)
     rows = axis_rows(motion.curve.dim, 2)
-    assert (height[rows, 5] == np.inf).all()
-    assert (place[rows, 5] == 11.0).all()
+    assert (spans[rows, 0] == 5).all()
+    assert (heights[rows, 0] == np.inf).all()
+    assert (places[rows, 0] == 11.0).all()
     assert (jerk[:, 5] == np.inf).all()
-    assert np.isfinite(np.delete(height, 5, axis=1)).all()
+    assert np.isfinite(heights[:, 2:]).all()
 
 
 def test_the_law_is_that_of_the_profile():
@@ -229,7 +255,7 @@ def test_use_of_one_quantity_is_its_size_less_its_slack(motion, density):
     x = np.random.default_rng(density).uniform(size=(count, density))
     d, p, cartesian, rates, slack = motion.states(span, x)
     row, used = np.arange(count), np.empty(x.shape)
-    core.scan_used(*x.shape, dim, p.shape[2], d, None if cartesian else p, rates, slack, row, used)
+    core.scan_used(*x.shape, dim, p.shape[2], rates, slack, row, used, d, None if cartesian else p)
     values, granted = measure_points(d, p, cartesian, rates, slack)
     sizes = np.abs(values)
     sizes[REVERSAL] = values[REVERSAL]
@@ -241,12 +267,27 @@ def test_compiled_mean_jerks_are_those_of_array_arithmetic(dim):
     rng = np.random.default_rng(dim)
     count = 20
     d, rates, u = rng.normal(size=(4, 2 * count, dim)), rng.normal(size=(3, count, 2)), rng.normal(size=(count, 2))
-    start, h, gap = rng.uniform(0.0, 3.0, count), 10.0 ** rng.uniform(-9.0, 0.0, count), rng.uniform(0.01, 1.0, count)
-    mean, slack = np.empty((2, dim, count))
-    core.meanjerk_measure(count, dim, d, rates, u, start, h, gap, mean, slack)
+    start, h, gap = rng.uniform(0.0, 3.0, count), 10.0 ** rng.uniform(-9.0, 0.0, count), np.full(count, 0.5)
+    law = np.ones((count, 17))
+    law[:, 0], law[:, 1] = start, h
+    states = d, d, True, rates, np.zeros((count, 3))
+    *_, mean, slack = scanned(states, np.tile([0.0, 1.0], (count, 1)), np.ascontiguousarray(u.T), law)
     expected = plain.mean_jerks(d, rates, u, start, h, gap)
     assert pytest.approx(expected[0], rel=1e-13) == mean.T
     assert pytest.approx(expected[1], rel=1e-13) == slack.T
+
+
+def test_only_whole_intervals_have_a_mean_jerk_and_the_largest_is_told(motion):
+    scan = scan_spans(motion, 24)
+    whole = np.flatnonzero((motion.lower == 0.0) & (motion.upper == 1.0))
+    assert 0 < whole.size < motion.interval.size
+    d, _, _, rates, _ = motion.states(whole, np.tile([0.0, 1.0], (whole.size, 1)))
+    u, i = motion.u_ends[:, whole].T, motion.interval[whole]
+    mean, slack = plain.mean_jerks(d, rates, u, motion.law.start[i], motion.law.h[i], gaps_around(motion)[whole])
+    for j, (value, off, (t, at)) in enumerate(scan.means):
+        k = int((mean - slack)[:, j].argmax())
+        assert (value, off) == pytest.approx((mean[k, j], slack[k, j]), rel=1e-12)
+        assert (t, at) == (motion.law.start[i[k]], u[k, 0])
 
 
 def chord_heights(points, stride, parts, count, groups=1):
@@ -280,8 +321,9 @@ def test_a_chord_moves_to_the_highest_of_its_trials():
     expected = distance_to_chord(points[:, :, 2:], points[:, :, 0], points[:, :, 1]).reshape(count, -1)
     best = expected.argmax(axis=1)
     starts, shares = (np.clip(x + 0.1 * steps[k], 0.0, 1.0) for x, k in ((start, best // 9), (share, best % 9)))
-    work = np.empty(trials * 4)
-    core.chord_choose(count, trials, 2, steps, 0.1, 0.1, 1.0, points, start, share, height, work)
+    halves, work = np.array([0.1, 0.1]), np.empty(trials * 4)
+    core.chord_choose(count, trials, 2, steps, 1.0, halves, start, share, height, work, points)
+    assert (halves == 0.1 / 3.0).all()
     assert height == pytest.approx(expected.max(axis=1), rel=1e-14)
     assert (start == starts).all()
     assert (share == shares).all()
@@ -292,7 +334,9 @@ def test_trials_of_chords_lie_around_them_and_within_the_plan():
     end, steps = law.start[-1] + law.h[-1], np.linspace(-1.0, 1.0, 9)
     start, share, period = np.array([0.0, 1.0, end]), np.array([0.0, 0.4, 1.0]), 0.2
     u = np.empty((3, 9, 11))
-    core.chord_trials(law.h.size, law.table, law.start, 0.0, 6.0, period, 3, 9, steps, 0.05, 0.1, start, share, u)
+    core.chord_trials(
+        law.h.size, law.table, law.start, 0.0, 6.0, period, 3, 9, steps, np.array([0.05, 0.1]), start, share, u
+    )
     starts = np.clip(start[:, None] + 0.05 * steps, 0.0, end)
     shares = np.concatenate([np.tile([0.0, 1.0], (3, 1)), np.clip(share[:, None] + 0.1 * steps, 0.0, 1.0)], axis=1)
     times = starts[:, :, None] + shares[:, None] * period
