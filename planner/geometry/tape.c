@@ -317,6 +317,15 @@ INLINED void run_step(int code, int64_t n, int full, Jet a, Jet b, Turn *last, V
     }
 }
 
+/* All steps on a block of so many points, which the compiler knows: no loop has a rest. */
+INLINED void run_block(int64_t steps, const int32_t *code, int full, Turn *last, Values *slots)
+{
+    for (int64_t s = 0; s < steps; s++) {
+        const int32_t *step = code + 4 * s; /* what to do, two operands, target */
+        run_step(step[0], BLOCK, full, (Jet)(slots + 4 * step[1]), (Jet)(slots + 4 * step[2]), last, slots + 4 * step[3]);
+    }
+}
+
 HOT void tape_run(int64_t steps, const int32_t *code, int64_t inputs, int64_t constants, const double *constant,
                   int64_t rows, const int32_t *row, int64_t n, int64_t order, int64_t given, const double *in,
                   double *out, double *work)
@@ -333,14 +342,17 @@ HOT void tape_run(int64_t steps, const int32_t *code, int64_t inputs, int64_t co
     for (int64_t first = 0; first < n; first += BLOCK) {
         const int64_t count = n - first < BLOCK ? n - first : BLOCK;
         for (int k = 0; k < orders; k++)
-            for (int64_t j = 0; j < inputs; j++)
+            for (int64_t j = 0; j < inputs; j++) {
+                double *slot = slots[4 * j + k];
                 for (int64_t i = 0; i < count; i++)
-                    slots[4 * j + k][i] = k < given ? in[(k * n + first + i) * inputs + j] : k == 1;
-        for (int64_t s = 0; s < steps; s++) {
-            const int32_t *step = code + 4 * s; /* what to do, two operands, target */
-            run_step(step[0], count, full, (Jet)(slots + 4 * step[1]), (Jet)(slots + 4 * step[2]), &last,
-                     slots + 4 * step[3]);
-        }
+                    slot[i] = k < given ? in[(k * n + first + i) * inputs + j] : k == 1;
+                for (int64_t i = count; i < BLOCK; i++)
+                    slot[i] = slot[count - 1]; /* the last block has its last point more than once */
+            }
+        if (full)
+            run_block(steps, code, 1, &last, slots);
+        else
+            run_block(steps, code, 0, &last, slots);
         for (int64_t k = 0; k <= order; k++)
             for (int64_t j = 0; j < rows; j++)
                 for (int64_t i = 0; i < count; i++)

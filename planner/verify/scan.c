@@ -4,6 +4,8 @@
 #include "planner/verify/peaks_inline.h"
 #include "planner/verify/verify.h"
 
+enum { USUAL = 24 }; /* points a span */
+
 /* Size of a quantity less its slack.  Backwards counts only what is backwards; what is not a number is beyond every limit. */
 INLINED void use_of(const Quantities *block, int64_t row, int64_t count, double *restrict used)
 {
@@ -80,6 +82,65 @@ static void mean_jerks(const States *states, int64_t first, int64_t last, const 
     }
 }
 
+/* What a scan finds, as verify.h says. */
+typedef struct {
+    int64_t spans, candidates;
+    double *ends;
+    int64_t *kept;
+    double *best;
+    int64_t *best_span;
+    double *best_x, *largest, *jerk, *feed, *feed_place, *course, *work;
+} Found;
+
+/* Measure span at, the i-th of a window, at k points. */
+INLINED void scan_points(const States *states, int64_t i, int64_t at, int64_t k, const double *x, const Found *found)
+{
+    const int64_t rows = FIRST_AXIS + 3 * states->dim, spans = found->spans;
+    double *own = found->course + at * (COURSE_SIZES + 6 * states->tip);
+    Quantities block;
+    for (int row = 0; row < COURSE_SIZES; row++)
+        own[row] = 0.0;
+    end_of_tip(states, i * k, own + COURSE_SIZES);
+    end_of_tip(states, i * k + k - 1, own + COURSE_SIZES + 3 * states->tip);
+    for (int64_t first = 0; first < k; first += BLOCK) {
+        const int64_t count = k - first < BLOCK ? k - first : BLOCK;
+        measure_block(states, i * k + first, count, &block);
+        course_raise(&block, count, own);
+        for (int64_t row = 0; row < rows; row++)
+            use_of(&block, row, count, found->work + row * k + first);
+        if (first == 0)
+            for (int64_t row = 0; row < rows; row++)
+                found->ends[row * spans + at] = block.value[row][0];
+        if (first + count == k)
+            for (int64_t row = 0; row < rows; row++)
+                found->ends[(rows + row) * spans + at] = block.value[row][count - 1];
+        const int64_t top = highest(count, block.value[FEED]);
+        if (first == 0 || block.value[FEED][top] > found->feed[at]) {
+            found->feed[at] = block.value[FEED][top];
+            found->feed_place[at] = x[first + top];
+        }
+    }
+}
+
+/* Keep the highest of what a span uses. */
+INLINED void scan_tops(int64_t dim, int64_t at, int64_t k, const double *x, const Found *found)
+{
+    const int64_t rows = FIRST_AXIS + 3 * dim, candidates = found->candidates;
+    for (int64_t row = 0; row < rows; row++) {
+        double *used = found->work + row * k;
+        const int64_t top = highest(k, used);
+        const Tops tops = {candidates, found->kept + row, found->best + row * candidates,
+                           found->best_span + row * candidates, found->best_x + row * candidates};
+        tops_take(&tops, peak(k, used, top), at, x[top]);
+        found->largest[row] = larger(found->largest[row], used[top]);
+        if (row < rows - dim)
+            continue;
+        for (int64_t point = 0; point < k; point++)
+            used[point] = larger(used[point], 0.0);
+        found->jerk[(row - rows + dim) * found->spans + at] = peak(k, used, used[top] > 0.0 ? top : 0);
+    }
+}
+
 HOT void scan_measure(const double *table, int64_t spans, const int64_t *interval, const double *lower, const double *upper,
                       const double *u_ends, const double *gap, int64_t room, int64_t k, const int64_t *window,
                       const double *x, const double *rates, const double *slack, int64_t dim, int64_t tip, double *ends,
@@ -88,45 +149,14 @@ HOT void scan_measure(const double *table, int64_t spans, const int64_t *interva
                       double *work, const double *d, const double *p)
 {
     const States states = {room * k, dim, tip, d, p, rates, slack, k};
-    const int64_t rows = FIRST_AXIS + 3 * dim;
-    Quantities block;
+    const Found found = {spans, candidates, ends, kept, best, best_span, best_x, largest, jerk, feed, feed_place, course, work};
     for (int64_t i = 0, at = window[0]; i < window[1]; i++, at++) {
-        double *own = course + at * (COURSE_SIZES + 6 * tip);
-        for (int row = 0; row < COURSE_SIZES; row++)
-            own[row] = 0.0;
-        end_of_tip(&states, i * k, own + COURSE_SIZES);
-        end_of_tip(&states, i * k + k - 1, own + COURSE_SIZES + 3 * tip);
-        for (int64_t first = 0; first < k; first += BLOCK) {
-            const int64_t count = k - first < BLOCK ? k - first : BLOCK;
-            measure_block(&states, i * k + first, count, &block);
-            course_raise(&block, count, own);
-            for (int64_t row = 0; row < rows; row++)
-                use_of(&block, row, count, work + row * k + first);
-            if (first == 0)
-                for (int64_t row = 0; row < rows; row++)
-                    ends[row * spans + at] = block.value[row][0];
-            if (first + count == k)
-                for (int64_t row = 0; row < rows; row++)
-                    ends[(rows + row) * spans + at] = block.value[row][count - 1];
-            const int64_t top = highest(count, block.value[FEED]);
-            if (first == 0 || block.value[FEED][top] > feed[at]) {
-                feed[at] = block.value[FEED][top];
-                feed_place[at] = x[i * k + first + top];
-            }
-        }
-        for (int64_t row = 0; row < rows; row++) {
-            double *used = work + row * k;
-            const int64_t top = highest(k, used);
-            const Tops tops = {candidates, kept + row, best + row * candidates, best_span + row * candidates,
-                               best_x + row * candidates};
-            tops_take(&tops, peak(k, used, top), at, x[i * k + top]);
-            largest[row] = larger(largest[row], used[top]);
-            if (row < rows - dim)
-                continue;
-            double *of_axis = jerk + (row - rows + dim) * spans + at;
-            for (int64_t point = 0; point < k; point++)
-                used[point] = larger(used[point], 0.0);
-            *of_axis = peak(k, used, used[top] > 0.0 ? top : 0);
+        if (k == USUAL) { /* the same with loops of which the compiler knows how long they are */
+            scan_points(&states, i, at, USUAL, x + i * k, &found);
+            scan_tops(dim, at, USUAL, x + i * k, &found);
+        } else {
+            scan_points(&states, i, at, k, x + i * k, &found);
+            scan_tops(dim, at, k, x + i * k, &found);
         }
         if (lower[at] == 0.0 && upper[at] == 1.0)
             mean_jerks(&states, i * k, i * k + k - 1, quintic_of(table, interval[at]), u_ends + at, gap[at], spans, mean + at,
