@@ -55,7 +55,7 @@ class SpeedLaw:
         # between macros that meet within a stretch all is continuous: one node
         kept = n - int(np.count_nonzero(~at_breaks))
         states, path, work = np.empty((3, n)), np.empty((5, n)), np.empty((4, n))
-        moved, width, dt, rate, acceleration = np.empty((5, n))
+        moved, width, dt = np.empty(n), np.empty(n), np.empty(n)
         kind, macro = np.empty(n, dtype=np.uint8), np.empty(n, dtype=np.int64)
         core.speed_law_nodes(
             *(self.sigma.size, self.sigma, self.x, self.a, self.c, grid.macro, counts, *on.arguments, at_breaks),
@@ -65,7 +65,9 @@ class SpeedLaw:
         u, advance = path[0].copy(), np.empty(n - 1)
         core.speed_law_advance(n, width, path, moved, advance)
         core.speed_law_in_step(n, kind, dt, advance, u, work)
+        rate, acceleration = work[:2]  # has served
         core.speed_law_rates(n, states, path, moved, rate, acceleration, dt)
+        del states, path, moved, width  # which bounds the memory
         table, steps = np.empty((4, kept)), np.empty((2, kept - 1))
         core.speed_law_table(n, kind, dt, advance, u, rate, acceleration, kept, table, steps)
         return TimeLaw(table[0], table[1], table[2], table[3], steps).forward_at_stops()

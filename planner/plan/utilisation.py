@@ -20,6 +20,7 @@ from planner.types import FloatArray
 # Points an interval: an interval of a solver has two nodes' intervals, hence 10 points, and parabolas between.  A stretch
 # between breaks has no fewer than the second number: one that is a single interval, as a tiny corner is, hides its peaks.
 _POINTS_PER_INTERVAL, _POINTS_PER_STRETCH = 5, 40
+_AT_ONCE = 65_536
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,33 +50,42 @@ class Utilisation:
 
 def utilisation(curve: Curve, limits: Limits, law: TimeLaw) -> Utilisation:
     """Measure a time law densely between its nodes."""
-    out = np.zeros((4, law.t.size - 1))
     step = np.diff(law.t)
-    full = np.flatnonzero(step > 0.0)
     last = np.append(np.flatnonzero(step <= 0.0), step.size)
     end = np.repeat(law.u[last], np.diff(last, prepend=-1))
-    h, advance = (step, np.diff(law.u)) if law.steps is None else np.ascontiguousarray(law.steps)
-    digit = np.zeros(step.size)
-    if law.steps is None:
-        digit = np.finfo(float).eps * (np.abs(law.u[1:]) + np.abs(law.u_rate[:-1]) * law.t[1:])
+    points = _points(curve, law, step)
     found = limit_rows(limits)
     # An axis' weights are scaled beforehand, those of the arc length with the bounds: each is rounded once.
-    rows = [
-        (*row.weights, row.lower, row.upper) if row.along else (*np.multiply(row.weights, 1.0 / row.scale), *row.bounds)
-        for row in found
-    ]
-    measured = core.utilisation_shares(
-        *(*curve.pieces.arguments, *curve.tip.pieces.arguments),
-        *(full.size, full, step.size, law.u, law.u_rate, law.u_acceleration),
-        *(h, advance, np.stack([h**3, h**4, h**5]), digit, end),
-        commanded_feed(curve, limits, 0.5 * (law.u[1:] + law.u[:-1])),  # steps only at nodes
-        *(_points(curve, law, step), len(found)),
-        np.array(rows, dtype=np.float64).reshape(-1, 5),
-        np.array([(row.motion, row.order - 1) for row in found], dtype=np.int64).reshape(-1, 2),
-        *(limits.chord_error, limits.period, out),
-    )
-    if not measured:
-        raise MemoryError("a plan cannot be measured between its nodes")
+    rows = np.array(
+        [
+            (*row.weights, row.lower, row.upper)
+            if row.along
+            else (*np.multiply(row.weights, 1.0 / row.scale), *row.bounds)
+            for row in found
+        ],
+        dtype=np.float64,
+    ).reshape(-1, 5)
+    kinds = np.array([(row.motion, row.order - 1) for row in found], dtype=np.int64).reshape(-1, 2)
+    out = np.empty((4, step.size))
+    for first in range(0, step.size, _AT_ONCE):  # some at a time, which bounds the memory
+        some = slice(first, first + _AT_ONCE)
+        u, rate, t = (row[first : first + _AT_ONCE + 1] for row in (law.u, law.u_rate, law.t))
+        full, shares = np.flatnonzero(step[some] > 0.0), np.zeros((4, t.size - 1))
+        h, advance, digit = step[some], np.diff(u), np.zeros(t.size - 1)
+        if law.steps is None:
+            digit = np.finfo(float).eps * (np.abs(u[1:]) + np.abs(rate[:-1]) * t[1:])
+        else:
+            h, advance = law.steps[0, some], law.steps[1, some]
+        measured = core.utilisation_shares(
+            *(*curve.pieces.arguments, *curve.tip.pieces.arguments),
+            *(full.size, full, t.size - 1, u, rate, law.u_acceleration[first : first + _AT_ONCE + 1]),
+            *(np.ascontiguousarray(h), np.ascontiguousarray(advance), np.stack([h**3, h**4, h**5]), digit, end[some]),
+            commanded_feed(curve, limits, 0.5 * (u[1:] + u[:-1])),  # steps only at nodes
+            *(points[some], len(found), rows, kinds, limits.chord_error, limits.period, shares),
+        )
+        if not measured:
+            raise MemoryError("a plan cannot be measured between its nodes")
+        out[:, some] = shares
     out[2, beside_jumps(curve, limits, law)] /= JERK_BESIDE_STEP
     return Utilisation(*out)
 

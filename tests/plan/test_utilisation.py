@@ -1,6 +1,7 @@
 """How far a time law uses the limits between its nodes, against looking everywhere."""
 
 from dataclasses import replace
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -237,6 +238,19 @@ def test_every_interval_of_a_long_law_has_its_peak_estimated():
     used = utilisation(curve, limits, nodes).jerk
     exact = by_brute_force(curve, limits, nodes)[2]
     assert used == pytest.approx(exact, rel=1e-3)
+
+
+@pytest.mark.parametrize("with_steps", [False, True])
+def test_measuring_some_intervals_at_a_time_changes_nothing(monkeypatch, with_steps):
+    curve = CURVES["butterfly-nurbs"]()
+    law = random_law(curve, 2)
+    if with_steps:
+        law = replace(law, steps=np.stack([np.diff(law.t), np.diff(law.u)]))
+    whole = utilisation(curve, drives(), law)
+    monkeypatch.setattr(import_module("planner.plan.utilisation"), "_AT_ONCE", 7)
+    parts = utilisation(curve, drives(), law)
+    for name in ("speed", "acceleration", "jerk", "backward"):
+        assert np.array_equal(getattr(whole, name), getattr(parts, name))
 
 
 def test_a_law_that_falls_back_says_how_fast():
