@@ -51,14 +51,22 @@ _INTERVALS_AT_ONCE = 16_384
 class GridRows:
     """Rows  lower <= r . (x, a[, c]) <= upper,  one for each limit.
 
-    ``of (m,)``: the limits they are of, scaled as these say; ``r (m, 2 or 3, p)``: coefficients at the points.
+    ``of (m,)``: the limits they are of, scaled as these say; ``given (m, 2 or 3, p)``: coefficients at the points;
+    ``factor (p,)``: by which all limits are tightened there, if they are.  One array of coefficients, the largest of a plan,
+    serves all rounds of tightening.
     """
 
     of: tuple[LimitRow, ...]
-    r: FloatArray
+    given: FloatArray
+    factor: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.of)
+
+    @property
+    def r(self) -> FloatArray:
+        """The coefficients, tightened; a new array where they are."""
+        return self.given if self.factor is None else self.given * self.factor
 
     @cached_property
     def bounds(self) -> FloatArray:
@@ -67,7 +75,8 @@ class GridRows:
 
     def times(self, factor: FloatArray | float) -> GridRows:
         """The same limits, tightened by factors of at least 1, (p,)."""
-        return replace(self, r=np.ascontiguousarray(self.r * factor))
+        by = np.full(self.given.shape[2], factor) if np.ndim(factor) == 0 else np.asarray(factor)
+        return replace(self, factor=by if self.factor is None else self.factor * by)
 
 
 @dataclass(frozen=True, eq=False)

@@ -36,7 +36,7 @@ def tilted(rows: GridRows, up: float, down: float) -> GridRows:
 def mirrored(rows: GridRows) -> GridRows:
     """The same limits on the negative of each row."""
     of = tuple(replace(row, lower=-row.upper, upper=-row.lower) for row in rows.of)
-    return replace(rows, of=of, r=-rows.r)
+    return replace(rows, of=of, given=-rows.r)
 
 
 PROBLEMS = {

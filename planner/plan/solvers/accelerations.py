@@ -105,7 +105,7 @@ class _SpeedGrid:
             u,
             path.u[1:3].reshape(2, *at.shape)[:, :, [0, -1]],
             np.ascontiguousarray(offset),
-            replace(rows, r=np.ascontiguousarray(rows.r.reshape(*rows.r.shape[:2], *at.shape))),
+            replace(rows, given=np.ascontiguousarray(rows.r.reshape(*rows.r.shape[:2], *at.shape))),
             speeds,
             command_kind(section.curve, limits, inner.reshape(-1), left.reshape(-1)).reshape(at.shape),
             np.tile(1.0 / section.usable(u[:-1]), (2, 1)),
@@ -390,7 +390,7 @@ def _saved(stage: _SpeedGrid, x: FloatArray) -> dict[str, float]:
     for row, of in enumerate(stage.rows.of):
         r = stage.rows.r.copy()
         r[row] /= 1.0 + _PERCENT
-        relaxed[of.name] = replace(stage, rows=replace(stage.rows, r=r))
+        relaxed[of.name] = replace(stage, rows=replace(stage.rows, given=r))
     saved = {}
     for name, more_of_it in relaxed.items():
         again = more_of_it.solve()

@@ -15,8 +15,8 @@ static const double NO_STEP = 1e-10;
 enum { RUNNING, DONE, SINGULAR, STUCK };
 
 static Problem problem_of(const double *h, int64_t intervals, int64_t inner, const double *cap, const double *weight,
-                          int64_t accelerations, const double *acceleration, int64_t rows, const double *jerk,
-                          const double *bounds) {
+                          int64_t accelerations, const double *acceleration, const double *steady, int64_t rows,
+                          const double *jerk, const double *jerky, const double *bounds) {
     const int64_t points = (inner + 1) * intervals + 1;
     return (Problem){
         .intervals = intervals,
@@ -30,7 +30,9 @@ static Problem problem_of(const double *h, int64_t intervals, int64_t inner, con
         .weight = weight,
         .cap = cap,
         .acceleration = acceleration,
+        .steady = steady,
         .jerk = jerk,
+        .jerky = jerky,
         .bounds = bounds,
     };
 }
@@ -47,11 +49,11 @@ static void motion_of(const Problem *problem, int64_t block, const Knots *knots,
 /* ---- the start ---------------------------------------------------------------------------------------------------- */
 
 void interior_begin(const double *h, int64_t intervals, int64_t inner, const double *cap, const double *weight,
-                    int64_t accelerations, const double *acceleration, int64_t rows, const double *jerk,
-                    const double *bounds, double inside, double least, double centring, const float *duals, double *z,
-                    float *pairs, double *totals) {
-    const Problem problem =
-        problem_of(h, intervals, inner, cap, weight, accelerations, acceleration, rows, jerk, bounds);
+                    int64_t accelerations, const double *acceleration, const double *steady, int64_t rows,
+                    const double *jerk, const double *jerky, const double *bounds, double inside, double least,
+                    double centring, const float *duals, double *z, float *pairs, double *totals) {
+    const Problem problem = problem_of(h, intervals, inner, cap, weight, accelerations, acceleration, steady, rows, jerk,
+                                       jerky, bounds);
     const Knots knots = knots_of(z, intervals);
     Used used = {0.0, 0.0, 0.0};
     Motion motion;
@@ -302,10 +304,12 @@ static State state_of(const Problem *problem, double *z, float *pairs, double *w
 }
 
 int64_t interior_run(const double *h, int64_t intervals, int64_t inner, const double *cap, const double *weight,
-                     int64_t accelerations, const double *acceleration, int64_t rows, const double *jerk,
-                     const double *bounds, int64_t fixed, int64_t priced, double hope, double tolerance, int64_t most,
-                     double *z, float *pairs, double *work, double *totals, int64_t *count) {
-    Problem problem = problem_of(h, intervals, inner, cap, weight, accelerations, acceleration, rows, jerk, bounds);
+                     int64_t accelerations, const double *acceleration, const double *steady, int64_t rows,
+                     const double *jerk, const double *jerky, const double *bounds, int64_t fixed, int64_t priced,
+                     double hope, double tolerance, int64_t most, double *z, float *pairs, double *work, double *totals,
+                     int64_t *count) {
+    Problem problem = problem_of(h, intervals, inner, cap, weight, accelerations, acceleration, steady, rows, jerk, jerky,
+                                 bounds);
     problem.fixed = fixed;
     problem.priced = priced;
     State state = state_of(&problem, z, pairs, work);

@@ -50,6 +50,8 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -132,36 +134,34 @@ class Iterate:
 
     def __init__(self, problem: Constraints, start: FloatArray | Waypoint, centring: float, inside: float) -> None:
         self.problem = problem
-        accelerations, jerks = problem.acceleration, problem.jerk
-        sides = np.concatenate([accelerations.bounds, jerks.bounds])
+        sides = 2 * (len(problem.acceleration) + len(problem.jerk)) + 1
         self.iterations = np.zeros(1, dtype=np.int64)
         warm = isinstance(start, Waypoint)
         self.z = start.z.copy() if isinstance(start, Waypoint) else np.array(start)
-        self.pairs = np.empty((-(-problem.cap.size // BLOCK), 2 * len(sides) + 1, 2, BLOCK), dtype=np.float32)
+        self.pairs = np.empty((-(-problem.cap.size // BLOCK), sides, 2, BLOCK), dtype=np.float32)
         self.pairs[-1] = 1.0  # what fills it up
         self._totals = np.zeros(4)
-        self._given = (
-            problem.h,
-            problem.h.size,
-            problem.inner,
-            problem.cap,
-            problem.weight,
-            len(accelerations),
-            np.ascontiguousarray(accelerations.r),
-            len(sides),
-            np.ascontiguousarray(jerks.r),
-            np.minimum(sides, _NO_BOUND),
-        )
         # a prescribed feed does not scale with the rest
         free = np.isnan(problem.start) and np.isnan(problem.end)
         inside = (_WARM_INSIDE if warm else inside) if free else 0.0
         least = _MIN_WARM_SLACK if warm else _MIN_SLACK
         duals = start.duals if isinstance(start, Waypoint) else None
-        core.interior_begin(*self._given, inside, least, centring, duals, self.z, self.pairs, self._totals)
+        core.interior_begin(*self._arguments, inside, least, centring, duals, self.z, self.pairs, self._totals)
         priced = 3 if problem.periodic else int(not np.isnan(problem.end))
         fixed = int(not np.isnan(problem.start)) + int(not np.isnan(problem.start_slope))
         self._ends = fixed, priced
         self._work: FloatArray | None = None
+
+    @cached_property
+    def _arguments(self) -> tuple[Any, ...]:
+        """The problem as the core takes it."""
+        problem, accelerations, jerks = self.problem, self.problem.acceleration, self.problem.jerk
+        bounds = np.minimum(np.concatenate([accelerations.bounds, jerks.bounds]), _NO_BOUND)
+        return (
+            *(problem.h, problem.h.size, problem.inner, problem.cap, problem.weight),
+            *(len(accelerations), np.ascontiguousarray(accelerations.given), accelerations.factor),
+            *(len(accelerations) + len(jerks), np.ascontiguousarray(jerks.given), jerks.factor, bounds),
+        )
 
     def run(self, tolerance: float, most: int) -> Status | None:
         """Iterate ``most`` times or until the gap is within the tolerance; None where neither that nor a failure ends it."""
@@ -169,7 +169,7 @@ class Iterate:
             self._work = np.empty(core.interior_work(self.problem.h.size, self._ends[1]))
             self._totals[3] = 0.0
         ended = core.interior_run(
-            *self._given,
+            *self._arguments,
             *self._ends,
             _HOPE,
             tolerance,

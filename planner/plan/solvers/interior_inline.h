@@ -34,11 +34,12 @@ typedef struct {
     int64_t intervals, inner, points, blocks, sides;
     int64_t accelerations, rows;
     const double *h, *weight, *cap;
-    const double *acceleration; /* (accelerations, 2, points) */
-    const double *jerk;         /* (rows - accelerations, 3, points) */
-    const double *bounds;       /* (rows, 2): sizes of the upper and of the lower one */
-    int64_t fixed;              /* how many of x, a, c are prescribed at the first knot */
-    int64_t priced;             /* equations at the last: 0, 1 (x is prescribed) or 3 (its state is that of the first) */
+    const double *acceleration;   /* (accelerations, 2, points) */
+    const double *jerk;           /* (rows - accelerations, 3, points) */
+    const double *steady, *jerky; /* (points): by what accelerations and jerks are tightened, or NULL */
+    const double *bounds;         /* (rows, 2): sizes of the upper and of the lower one */
+    int64_t fixed;                /* how many of x, a, c are prescribed at the first knot */
+    int64_t priced;               /* equations at the last: 0, 1 (x is prescribed) or 3 (its state is that of the first) */
 } Problem;
 
 /* x, a, c at the knots, or their changes. */

@@ -62,8 +62,9 @@ HOTTEST void interior_affine(const Problem *problem, int64_t block, const Motion
         pulls->corrector[0][i] = product * v * r;
         pulls->target[1][i] = pulls->target[2][i] = pulls->corrector[1][i] = pulls->corrector[2][i] = 0.0;
     }
+    Tightened tightened;
     for (int64_t r = 0; r < problem->rows; r++) {
-        const Row row = row_of(problem, block, r, (float *)pairs);
+        const Row row = row_of(problem, block, r, (float *)pairs, &tightened);
         if (r < problem->accelerations) affine_row(ACCELERATION, count, &row, slope, ahead, pulls, &sum);
         else affine_row(JERK, count, &row, slope, ahead, pulls, &sum);
     }
@@ -120,8 +121,9 @@ HOTTEST void interior_decrease(const Problem *problem, int64_t block, const Moti
         worst_l[i] = 1.0 + side.ds * v - side.rest * both;
         worst_x[i] = 1.0 - ahead->x[i] / z->x[i];
     }
+    Tightened tightened;
     for (int64_t r = 0; r < problem->rows; r++) {
-        const Row row = row_of(problem, block, r, (float *)pairs);
+        const Row row = row_of(problem, block, r, (float *)pairs, &tightened);
         if (r < problem->accelerations) decrease_row(ACCELERATION, count, &row, hoped, ahead, stride, worst_s, worst_l);
         else decrease_row(JERK, count, &row, hoped, ahead, stride, worst_s, worst_l);
     }
@@ -224,8 +226,9 @@ INLINE void newton_block(int advance, int condense, int clip, const Problem *pro
             sums->gradient[1][i] = sums->gradient[2][i] = 0.0;
         }
     }
+    Tightened tightened;
     for (int64_t r = 0; r < problem->rows; r++) {
-        const Row row = row_of(problem, block, r, pairs);
+        const Row row = row_of(problem, block, r, pairs, &tightened);
         if (r < problem->accelerations)
             newton_row(ACCELERATION, advance, condense, count, &row, hoped, ahead, z, stride, &here, sums);
         else

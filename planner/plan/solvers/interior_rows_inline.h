@@ -28,12 +28,29 @@ typedef struct {
     float *s1, *l1, *s2, *l2;
 } Row;
 
-INLINE Row row_of(const Problem *problem, int64_t block, int64_t i, float *pairs) {
+/* Coefficients of a row, tightened. */
+typedef struct {
+    double x[BLOCK], a[BLOCK], c[BLOCK];
+} Tightened;
+
+INLINE void tighten(int64_t count, const double *by, Row *row, int jerk, Tightened *to) {
+    APART
+    for (int64_t i = 0; i < count; i++) {
+        to->x[i] = row->x[i] * by[i];
+        to->a[i] = row->a[i] * by[i];
+        if (jerk) to->c[i] = row->c[i] * by[i];
+    }
+    row->x = to->x;
+    row->a = to->a;
+    row->c = to->c;
+}
+
+INLINE Row row_of(const Problem *problem, int64_t block, int64_t i, float *pairs, Tightened *tightened) {
     const int64_t points = problem->points, at = block * BLOCK, k = i - problem->accelerations;
     const double *r = k < 0 ? problem->acceleration + 2 * i * points + at : problem->jerk + 3 * k * points + at;
     const double *bounds = problem->bounds + 2 * i;
     float *own = pairs + 2 * BLOCK * (block * problem->sides + 1 + 2 * i);
-    return (Row){
+    Row row = {
         .x = r,
         .a = r + points,
         .c = r + 2 * points,
@@ -46,6 +63,9 @@ INLINE Row row_of(const Problem *problem, int64_t block, int64_t i, float *pairs
         .s2 = own + 2 * BLOCK,
         .l2 = own + 3 * BLOCK,
     };
+    if (k < 0 && problem->steady) tighten(points_in(problem, block), problem->steady + at, &row, 0, tightened);
+    else if (k >= 0 && problem->jerky) tighten(points_in(problem, block), problem->jerky + at, &row, 1, tightened);
+    return row;
 }
 
 INLINE double value_of(int kind, const Row *row, int64_t i, const Motion *z) {

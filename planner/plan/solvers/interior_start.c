@@ -45,8 +45,9 @@ HOTTEST void interior_used(const Problem *problem, int64_t block, const Motion *
         steady[i] = z->x[i] / problem->cap[block * BLOCK + i];
         jerk[i] = 0.0;
     }
+    Tightened tightened;
     for (int64_t r = 0; r < problem->rows; r++) {
-        const Row row = row_of(problem, block, r, pairs);
+        const Row row = row_of(problem, block, r, pairs, &tightened);
         if (r < problem->accelerations) use_row(ACCELERATION, count, &row, z, steady);
         else use_row(JERK, count, &row, z, jerk);
     }
@@ -97,8 +98,9 @@ HOTTEST void interior_place(const Problem *problem, int64_t block, const Motion 
         worst_jerk[i] = 0.0;
         gap[i] = s * l;
     }
+    Tightened tightened;
     for (int64_t r = 0; r < problem->rows; r++) {
-        const Row row = row_of(problem, block, r, pairs);
+        const Row row = row_of(problem, block, r, pairs, &tightened);
         if (r < problem->accelerations) place_row(ACCELERATION, count, &row, z, least, product, gap, worst);
         else place_row(JERK, count, &row, z, least, product, gap, worst_jerk);
     }

@@ -34,6 +34,7 @@ void accelerations_follow_rows(int64_t count, int64_t n, int64_t points, const d
    A problem is given by
        h (intervals,), inner, cap (p,), weight (p,)    points p = (inner + 1) intervals + 1, inner 1 or 3
        acceleration (accelerations, 2, p), jerk (rows - accelerations, 3, p)    coefficients of the rows
+       steady, jerky (p,)                              by what they are tightened, NULL where they are not
        bounds (rows, 2)                                sizes of the upper and lower bounds, finite
    The iterate is
        z (3, intervals + 1)                            x, a, c at the knots
@@ -44,9 +45,9 @@ void accelerations_follow_rows(int64_t count, int64_t n, int64_t points, const d
 /* Begin: scale z until it uses a share ``inside`` of the limits (0: leave it), make slacks of at least ``least``, and
    multipliers: ``duals`` (blocks, 2 rows + 1, 128), or where these are NULL so that sum(s l) is ``centring`` times the time. */
 void interior_begin(const double *h, int64_t intervals, int64_t inner, const double *cap, const double *weight,
-                    int64_t accelerations, const double *acceleration, int64_t rows, const double *jerk,
-                    const double *bounds, double inside, double least, double centring, const float *duals, double *z,
-                    float *pairs, double *totals);
+                    int64_t accelerations, const double *acceleration, const double *steady, int64_t rows,
+                    const double *jerk, const double *jerky, const double *bounds, double inside, double least,
+                    double centring, const float *duals, double *z, float *pairs, double *totals);
 
 /* Doubles of the array ``work``. */
 int64_t interior_work(int64_t intervals, int64_t priced);
@@ -56,8 +57,9 @@ int64_t interior_work(int64_t intervals, int64_t priced);
    (x is as it is in z) or 3 (the state is that of the first), or none.  ``hope``: weight of the hoped-for gain in the centring.
    Returns 0: most reached, 1: done, 2: the Newton system is singular, 3: no step is possible. */
 int64_t interior_run(const double *h, int64_t intervals, int64_t inner, const double *cap, const double *weight,
-                     int64_t accelerations, const double *acceleration, int64_t rows, const double *jerk,
-                     const double *bounds, int64_t fixed, int64_t priced, double hope, double tolerance, int64_t most,
-                     double *z, float *pairs, double *work, double *totals, int64_t *count);
+                     int64_t accelerations, const double *acceleration, const double *steady, int64_t rows,
+                     const double *jerk, const double *jerky, const double *bounds, int64_t fixed, int64_t priced,
+                     double hope, double tolerance, int64_t most, double *z, float *pairs, double *work, double *totals,
+                     int64_t *count);
 
 #endif

@@ -133,6 +133,28 @@ def test_iterations_one_by_one_are_those_of_one_call(inner):
 
 
 @pytest.mark.parametrize("inner", [1, 3])
+def test_tightened_rows_are_the_rows_times_the_factors(inner):
+    """To the last bit, of each kind alone and of both."""
+    problem = random_problem(6, inner, intervals=70)
+    by = 1.0 + 0.1 * np.random.default_rng(6).uniform(size=(2, problem.cap.size))
+    for kinds in (("acceleration",), ("jerk",), ("acceleration", "jerk")):
+        rows = {kind: getattr(problem, kind) for kind in kinds}
+        tightened = replace(
+            problem, **{kind: rows[kind].times(factor) for kind, factor in zip(kinds, by, strict=False)}
+        )
+        scaled = replace(
+            problem,
+            **{kind: GridRows(rows[kind].of, rows[kind].r * factor) for kind, factor in zip(kinds, by, strict=False)},
+        )
+        first, second = begun(tightened), begun(scaled)
+        for iterate in (first, second):
+            iterate.run(0.0, 5)
+        assert (first.z == second.z).all()
+        assert (first.pairs == second.pairs).all()
+        assert (first.z != begun(problem).z).any()
+
+
+@pytest.mark.parametrize("inner", [1, 3])
 def test_solving_again_gives_the_same_bytes(inner):
     problem = random_problem(5, inner, intervals=70)
     first, second = (
