@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from feedplan.sources import SourceCurve, is_program, plain_curve, program_curve, tolerance_of_table
+from feedplan.sources import DrawingChoice, SourceCurve, is_program, plain_curve, program_curve, tolerance_of_table
 from planner.errors import InputError
 
 if TYPE_CHECKING:
@@ -212,6 +212,8 @@ def plan_and_check(
     *,
     complete: Mapping[str, float] | None = None,
     scale: float = 1.0,
+    layer: str | None = None,
+    chain: int | None = None,
     feed: float | None = None,
     period: float | None = None,
     tolerance: float | None = None,
@@ -223,7 +225,7 @@ def plan_and_check(
 
     Parameters
     ----------
-    source, machine, complete, scale, feed, period, tolerance
+    source, machine, complete, scale, layer, chain, feed, period, tolerance
         As for :func:`load_job`.
     bound, progress, options
         As for :meth:`Job.run`; options are those of :func:`planner.plan_feedrate`: ``method``, ``start_feed``,
@@ -246,7 +248,17 @@ def plan_and_check(
     >>> plan_and_check("butterfly-nurbs", "mill").ok
     True
     """
-    job = load_job(source, machine, complete=complete, scale=scale, feed=feed, period=period, tolerance=tolerance)
+    job = load_job(
+        source,
+        machine,
+        complete=complete,
+        scale=scale,
+        layer=layer,
+        chain=chain,
+        feed=feed,
+        period=period,
+        tolerance=tolerance,
+    )
     return job.run(progress, bound=bound, **options)
 
 
@@ -256,6 +268,8 @@ def load_job(
     *,
     complete: Mapping[str, float] | None = None,
     scale: float = 1.0,
+    layer: str | None = None,
+    chain: int | None = None,
     feed: float | None = None,
     period: float | None = None,
     tolerance: float | None = None,
@@ -277,6 +291,8 @@ def load_job(
         Limits for the axes that the machine file has none for, as for :func:`planner.load_limits`.
     scale : float
         Multiplies the linear axes; of a curve by name or from a file of one.
+    layer, chain : str, int, optional
+        Of a drawing: only what is on the layer, and which of several chains.
     feed : float, optional
         Commanded feed, mm/s, in place of the machine's.
     period : float, optional
@@ -299,10 +315,12 @@ def load_job(
     InputError
         If something given is not as it must be, or does not fit the rest.
     """
+    from planner.geometry.catalog import require_no_choice
     from planner.geometry.curve import ROTARY_AXES, Curve
 
-    tolerance = _positive(tolerance)
+    tolerance, choice = _positive(tolerance), DrawingChoice(layer, chain)
     if not isinstance(source, Curve) and is_program(source):
+        require_no_choice(source, layer, chain)
         found, named = load_machine(machine, complete=complete)
         limits = _changed(found.limits, feed, period)
         return Job.of(
@@ -310,7 +328,7 @@ def load_job(
             limits,
             named,
         )
-    made = plain_curve(source, scale, tolerance, share)
+    made = plain_curve(source, scale, tolerance, share, choice)
     example = "five-axis" if ROTARY_AXES & set(made.curve.axes) else "mill"
     found, named = load_machine(machine, example, complete=complete)
     return Job.of(made, _changed(found.limits.for_curve(made.curve), feed, period), named)
@@ -340,6 +358,8 @@ def load_job_of_table(
     *,
     complete: Mapping[str, float] | None = None,
     scale: float = 1.0,
+    layer: str | None = None,
+    chain: int | None = None,
     tolerance: float | None = None,
     tools: str | Path | None = None,
     ignore: Sequence[str] = (),
@@ -351,12 +371,14 @@ def load_job_of_table(
     Arguments as for :func:`load_job`; the plan itself is read by :func:`planner.read_table`.
     """
     from planner import load_limits, table_limits
+    from planner.geometry.catalog import require_no_choice
     from planner.geometry.curve import Curve
 
     own = table_limits(table)
     said = tolerance_of_table(table, source)
-    tolerance = said.mm if tolerance is None else _positive(tolerance)
+    tolerance, choice = said.mm if tolerance is None else _positive(tolerance), DrawingChoice(layer, chain)
     if not isinstance(source, Curve) and is_program(source):
+        require_no_choice(source, layer, chain)
         weights = load_limits(said.machine) if said.machine else own
         found = program_curve(
             source,
@@ -370,7 +392,7 @@ def load_job_of_table(
             widen=not said.machine,
         )
     else:
-        found = plain_curve(source, scale, tolerance, said.share)
+        found = plain_curve(source, scale, tolerance, said.share, choice)
     if machine is None:
         if complete:
             raise InputError(f"{', '.join(complete)}: completes a machine file; the limits are those of {table}")

@@ -64,12 +64,29 @@ def require_program(source: str | Path, what: str) -> None:
         raise InputError(f"{source} has no lines; {what} needs a part program, {', '.join(SUFFIXES)}")
 
 
-def plain_curve(source: str | Path | Curve, scale: float, tolerance: float | None, share: float) -> SourceCurve:
+@dataclass(frozen=True)
+class DrawingChoice:
+    """Which path of a drawing is meant: all on a layer, the chain of a number; None is not said."""
+
+    layer: str | None = None
+    chain: int | None = None
+
+
+def plain_curve(
+    source: str | Path | Curve,
+    scale: float,
+    tolerance: float | None,
+    share: float,
+    choice: DrawingChoice = DrawingChoice(),
+) -> SourceCurve:
     """Load a curve that is no part program; the points of a CSV file are fitted within their share of the tolerance."""
     from planner import load_curve
+    from planner.geometry.catalog import require_no_choice
     from planner.geometry.curve import Curve
     from planner.geometry.points import FittedCurve, read_points
     from planner.programs.source import require_unscaled
+
+    layer, chain = choice.layer, choice.chain
 
     if isinstance(source, Curve) or not is_points(source):
         name = source.name if isinstance(source, Curve) else source
@@ -77,8 +94,10 @@ def plain_curve(source: str | Path | Curve, scale: float, tolerance: float | Non
             raise InputError(f"tolerance = {tolerance!r} mm is for part programs and points; {name} is exact")
         if isinstance(source, Curve):
             require_unscaled(name, scale)
-        curve = source if isinstance(source, Curve) else load_curve(source, scale=scale)
-        return SourceCurve(curve, tolerance or DEFAULT_TOLERANCE)
+            require_no_choice(name, layer, chain)
+        curve = source if isinstance(source, Curve) else load_curve(source, scale=scale, layer=layer, chain=chain)
+        return SourceCurve(curve, tolerance or DEFAULT_TOLERANCE, _said_of_drawing(curve))
+    require_no_choice(source, layer, chain)
     if tolerance is None:
         curve, allowed, room = load_curve(source, scale=scale), POINTS_TOLERANCE_MM, DEFAULT_TOLERANCE
     else:
@@ -90,6 +109,12 @@ def plain_curve(source: str | Path | Curve, scale: float, tolerance: float | Non
         far = f"{1e3 * curve.deviation:.4g} um at most from a point, in line {curve.row}"
         facts = (("deviation", f"{far}; {1e3 * allowed:g} um allowed"), *_said_of_share(share))
     return SourceCurve(curve, room, facts)
+
+
+def _said_of_drawing(curve: Curve) -> Pairs:
+    """What was read of a drawing, and what was not."""
+    notes = getattr(curve, "notes", ())
+    return (("drawing", "; ".join(notes)),) if notes else ()
 
 
 def program_curve(

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from planner.geometry.catalog import CATALOG
     from planner.geometry.continuity import Break
     from planner.geometry.curve import Curve
-    from planner.geometry.drawing import read_dxf
+    from planner.geometry.drawing.read_drawing import read_dxf
     from planner.geometry.points import FittedCurve, read_points
     from planner.machine.feed_limits import FeedrateLimits, feedrate_limits
     from planner.machine.limits import Limits
@@ -110,7 +110,7 @@ _HOME = {
     "planner.geometry.catalog": ("CATALOG",),
     "planner.geometry.continuity": ("Break",),
     "planner.geometry.curve": ("Curve",),
-    "planner.geometry.drawing": ("read_dxf",),
+    "planner.geometry.drawing.read_drawing": ("read_dxf",),
     "planner.geometry.points": ("FittedCurve", "read_points"),
     "planner.machine.feed_limits": ("FeedrateLimits", "feedrate_limits"),
     "planner.machine.limits": ("Limits",),

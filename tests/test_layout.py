@@ -24,7 +24,10 @@ ELSEWHERE = {
     "feedplan/test_verdict.py": ("feedplan.verdict_text",),
     "geometry/test_catalog.py": ("planner.data",),
     "geometry/test_curve.py": ("planner.geometry.continuity", "planner.geometry.fit"),
-    "geometry/test_drawing.py": ("planner.geometry.points",),
+    "geometry/drawing/test_drawn_entities.py": (
+        "planner.geometry.drawing.bezier_pieces",
+        "planner.geometry.drawing.entity_numbers",
+    ),
     "machine/test_machine_toml.py": ("planner.machine.program_setup",),
     "interp/literature/test_greedy.py": ("interp.literature.greedy_published", "interp.literature.greedy_setup"),
     "output/test_certificate_file.py": ("planner.certificate",),

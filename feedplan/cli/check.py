@@ -22,6 +22,8 @@ from feedplan.job import load_job_of_table
 @options.ignore
 @options.reader
 @options.scale
+@options.layer
+@options.chain
 @click.option("--certificate", type=options.FILE, help="Certificate of its lower bound, .npz.")
 @options.as_json
 def check(
@@ -35,6 +37,8 @@ def check(
     ignore: tuple[str, ...],
     reader: str,
     scale: float,
+    layer: str | None,
+    chain: int | None,
     certificate: Path | None,
     as_json: bool,
 ) -> None:
@@ -58,6 +62,8 @@ def check(
             tools=tools,
             ignore=ignore,
             reader=reader,
+            layer=layer,
+            chain=chain,
         )
         with ProgressLine() as line:
             line("reading the table")

@@ -54,6 +54,8 @@ _FLOOR = 1e-3  # of a limit; less is drawn as this
 @options.curve
 @options.machine
 @options.scale
+@options.layer
+@options.chain
 @options.commanded_feed
 @options.period
 @options.reader
@@ -69,6 +71,8 @@ def compare(
     machine: str | None,
     complete: dict[str, float],
     scale: float,
+    layer: str | None,
+    chain: int | None,
     feed_mm_s: float | None,
     period_s: float | None,
     reader: str,
@@ -102,6 +106,8 @@ def compare(
             feed=feed_mm_s,
             period=period_s,
             reader=reader,
+            layer=layer,
+            chain=chain,
             notice=notice,
         )
         from feedplan.comparison import compare as compare_methods

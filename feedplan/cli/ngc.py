@@ -41,6 +41,8 @@ if TYPE_CHECKING:
 @click.option("--block-time-s", type=float, default=0.01, help="Longest time of a block.")
 @options.commanded_feed
 @options.scale
+@options.layer
+@options.chain
 @options.as_json
 def ngc(
     curve: str,
@@ -57,6 +59,8 @@ def ngc(
     block_time_s: float,
     feed_mm_s: float | None,
     scale: float,
+    layer: str | None,
+    chain: int | None,
     as_json: bool,
 ) -> None:
     """Write a plan as a program for LinuxCNC.
@@ -79,6 +83,8 @@ def ngc(
                 machine,
                 complete=complete,
                 scale=scale,
+                layer=layer,
+                chain=chain,
                 feed=feed_mm_s,
                 tolerance=tolerance_mm,
                 tools=tools,
@@ -89,7 +95,9 @@ def ngc(
             )
         else:
             job = _job_of_table(
-                load_job_of_table(table, curve, scale=scale, tools=tools, ignore=ignore, reader=reader),
+                load_job_of_table(
+                    table, curve, scale=scale, layer=layer, chain=chain, tools=tools, ignore=ignore, reader=reader
+                ),
                 table,
                 tolerance_mm,
             )

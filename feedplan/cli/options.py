@@ -92,6 +92,10 @@ reader = click.option(
     show_default=True,
     help="Who reads a part program: this, or the interpreter of an installed LinuxCNC.",
 )
+layer = click.option("--layer", metavar="NAME", help="Layer of a drawing: only what is on it.")
+chain = click.option(
+    "--chain", type=int, metavar="N", help="Chain of a drawing that has several; without it they are listed."
+)
 commanded_feed = click.option("--feed-mm-s", type=float, help="Commanded feed, in place of the machine's.")
 period = click.option("--period-s", type=float, help="Interpolation period, in place of the machine's.")
 plot_width = click.option("--width-mm", type=float, help="Width of the figure; 85 is a paper's column, 180 its page.")

@@ -59,6 +59,8 @@ class MethodName(StrEnum):
 )
 @options.commanded_feed
 @options.scale
+@options.layer
+@options.chain
 @options.period
 @click.option("--start-feed-mm-s", type=float, default=0.0, help="Feed at the start of the path.")
 @click.option("--end-feed-mm-s", type=float, default=0.0, help="Feed at the end of the path.")
@@ -89,6 +91,8 @@ def plan(
     method: MethodName,
     feed_mm_s: float | None,
     scale: float,
+    layer: str | None,
+    chain: int | None,
     period_s: float | None,
     start_feed_mm_s: float,
     end_feed_mm_s: float,
@@ -135,6 +139,8 @@ def plan(
             machine,
             complete=complete,
             scale=scale,
+            layer=layer,
+            chain=chain,
             feed=feed_mm_s,
             period=period_s,
             tolerance=tolerance_mm,

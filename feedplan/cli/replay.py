@@ -30,6 +30,8 @@ _SAMPLES_AT_ONCE = 1_000_000  # bounds the memory that evaluating the plan takes
 @options.ignore
 @options.reader
 @options.scale
+@options.layer
+@options.chain
 @click.option("--output", "-o", type=options.FILE, help=f"Samples, {ANY_COLUMN_FORMAT}.")
 def replay(
     table: Path,
@@ -42,6 +44,8 @@ def replay(
     ignore: tuple[str, ...],
     reader: str,
     scale: float,
+    layer: str | None,
+    chain: int | None,
     output: Path | None,
 ) -> None:
     """Sample a feedrate table once a period.
@@ -58,7 +62,15 @@ def replay(
         from planner.output.table import write_samples
 
         job = load_job_of_table(
-            table, curve, scale=scale, tolerance=tolerance_mm, tools=tools, ignore=ignore, reader=reader
+            table,
+            curve,
+            scale=scale,
+            layer=layer,
+            chain=chain,
+            tolerance=tolerance_mm,
+            tools=tools,
+            ignore=ignore,
+            reader=reader,
         )
         with ProgressLine() as line:
             line("reading the table")

@@ -25,6 +25,8 @@ from feedplan.job import load_job_of_table
 @click.option("--output", "-o", type=options.FILE, required=True, help="The page, .html.")
 @options.machine
 @options.scale
+@options.layer
+@options.chain
 @options.tolerance
 @options.tools
 @options.ignore
@@ -38,6 +40,8 @@ def report(
     machine: str | None,
     complete: dict[str, float],
     scale: float,
+    layer: str | None,
+    chain: int | None,
     tolerance_mm: float | None,
     tools: Path | None,
     ignore: tuple[str, ...],
@@ -68,6 +72,8 @@ def report(
             tools=tools,
             ignore=ignore,
             reader=reader,
+            layer=layer,
+            chain=chain,
         )
         with ProgressLine() as line:
             line("reading the table")

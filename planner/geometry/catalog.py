@@ -35,7 +35,7 @@ _KEYS = {
 }  # fmt: skip
 
 
-def read_curve(source: str | Path, *, scale: float = 1.0) -> Curve:
+def read_curve(source: str | Path, *, scale: float = 1.0, layer: str | None = None, chain: int | None = None) -> Curve:
     """Load a curve by its catalog name or from the file of a curve, which no part program is.
 
     Parameters
@@ -43,10 +43,12 @@ def read_curve(source: str | Path, *, scale: float = 1.0) -> Curve:
     source : str or Path
         One of :data:`CATALOG`, or the path of a ``.json`` or ``.toml`` file.  In a file the object under ``curve``
         counts (or the file itself, where there is none): ``type`` is ``nurbs``, ``formula`` or ``dual_bspline_5axis``.
-        A ``.dxf`` file is read by :func:`~planner.geometry.drawing.read_dxf`, a ``.csv`` file of points by
+        A ``.dxf`` file is read by :func:`~planner.geometry.drawing.read_drawing.read_dxf`, a ``.csv`` file of points by
         :func:`~planner.geometry.points.read_points` within 1 um.
     scale : float
         Multiplies the linear axes.
+    layer, chain : str, int, optional
+        Of a drawing.
 
     Returns
     -------
@@ -57,17 +59,24 @@ def read_curve(source: str | Path, *, scale: float = 1.0) -> Curve:
     CurveError
         If the name is unknown, the file cannot be read, or the curve in it is not valid.
     InputError
-        If the scale is not a positive number.
+        If the scale is not a positive number, or a layer or chain is asked for of what is no drawing.
     """
     scale = positive_number(scale, "scale")
     if np.isinf(scale):
         raise InputError("scale = inf must be finite")
+    kind = Path(source).suffix.lower() if isinstance(source, str | os.PathLike) else ""
+    if kind == ".dxf":
+        from planner.geometry.drawing.read_drawing import read_dxf
+
+        return read_dxf(source, layer=layer, chain=chain, scale=scale)
+    require_no_choice(source, layer, chain)
     if isinstance(source, str) and source in CATALOG:
         text = data_text(f"curves/{source}.json")
         return _from_table(json.loads(text)["curve"], source, scale)
-    kind = Path(source).suffix.lower() if isinstance(source, str | os.PathLike) else ""
-    if kind in {".dxf", ".csv"}:
-        return _scaled(_from_drawing(source, kind), scale)
+    if kind == ".csv":
+        from planner.geometry.points import read_points
+
+        return _scaled(read_points(source, POINTS_TOLERANCE_MM), scale)
     if kind not in {".json", ".toml"}:
         path = require_path(source, CurveError, "source")
         what = "a directory; give" if path.is_dir() and str(source) else "neither"
@@ -102,11 +111,11 @@ def _require_mm(table: Mapping[str, Any], name: str) -> None:
         )
 
 
-def _from_drawing(source: str | Path, kind: str) -> NurbsCurve:
-    from planner.geometry.drawing import read_dxf
-    from planner.geometry.points import read_points
-
-    return read_dxf(source) if kind == ".dxf" else read_points(source, POINTS_TOLERANCE_MM)
+def require_no_choice(source: str | Path, layer: str | None, chain: int | None) -> None:
+    """Refuse a layer or a chain of what is no drawing."""
+    for name, value in (("layer", layer), ("chain", chain)):
+        if value is not None:
+            raise InputError(f"{name} = {value!r} is for drawings, .dxf; {source} is none")
 
 
 def _scaled(curve: NurbsCurve, scale: float) -> NurbsCurve:

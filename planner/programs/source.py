@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.errors import InputError
-from planner.geometry.catalog import read_curve
+from planner.geometry.catalog import read_curve, require_no_choice
 from planner.geometry.curve import Curve
 from planner.geometry.tolerance import DEFAULT_TOLERANCE, PathTolerance
 from planner.inputs import positive_number
@@ -36,6 +36,8 @@ def load_curve(
     tolerance: float | None = None,
     limits: Limits | None = None,
     reader: str = "feedplan",
+    layer: str | None = None,
+    chain: int | None = None,
 ) -> Curve:
     """Load a curve by its name or from a file.
 
@@ -55,6 +57,10 @@ def load_curve(
         with.
     reader : str
         Of a part program: "feedplan", or "rs274" for the interpreter of an installed LinuxCNC.
+    layer : str, optional
+        Of a drawing: only what is on it.
+    chain : int, optional
+        Of a drawing with several chains: its number, from 1 on, in the order of the file.
 
     Returns
     -------
@@ -72,6 +78,7 @@ def load_curve(
     """
     kind = Path(source).suffix.lower() if isinstance(source, str | os.PathLike) else ""
     if kind in SUFFIXES:
+        require_no_choice(source, layer, chain)
         from planner.machine.machine_file import load_limits
 
         require_unscaled(source, scale)
@@ -82,10 +89,11 @@ def load_curve(
     if reader != READERS[0]:
         raise InputError(f"reader = {reader!r} is for part programs; {source} is none")
     if tolerance is None:
-        return read_curve(source, scale=scale)
+        return read_curve(source, scale=scale, layer=layer, chain=chain)
     if kind == ".csv":
         from planner.geometry.points import read_points
 
+        require_no_choice(source, layer, chain)
         require_unscaled(source, scale)
         return read_points(source, tolerance)
     raise InputError(f"tolerance = {tolerance!r} mm is for part programs and points; {source} is exact")

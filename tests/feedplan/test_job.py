@@ -125,6 +125,46 @@ class TestLoadJob:
             job.line_times(job.plan(**QUICK))
 
 
+class TestDrawings:
+    @pytest.fixture
+    def drawing(self, tmp_path):
+        """Two circles and a text."""
+        import ezdxf
+
+        document = ezdxf.new("R2010")
+        document.header["$INSUNITS"] = 4
+        space = document.modelspace()
+        space.add_circle((0, 0), 5, dxfattribs={"layer": "outer"})
+        space.add_circle((0, 0), 3, dxfattribs={"layer": "inner"})
+        space.add_text("made by hand")
+        document.saveas(tmp_path / "part.dxf")
+        return tmp_path / "part.dxf"
+
+    def test_a_chain_or_a_layer_is_chosen_and_said(self, drawing):
+        by_number, by_layer = load_job(drawing, chain=2, scale=2.0), load_job(drawing, layer="inner")
+        assert by_number.curve.length == pytest.approx(12 * math.pi, rel=1e-9)
+        assert by_layer.curve.length == pytest.approx(6 * math.pi, rel=1e-9)
+        assert by_layer.facts == ()
+        said = dict(by_number.facts)["drawing"]
+        assert said.startswith("chain 2 of 2: CIRCLE #")
+        assert said.endswith(", closed, 37.7 mm, layer inner; not read: 1 TEXT")
+        with pytest.raises(InputError, match="the drawing has 2 chains; choose one by its number"):
+            load_job(drawing)
+
+    def test_a_table_of_it_is_checked_with_the_same_choice(self, drawing, tmp_path):
+        found = plan_and_check(drawing, "mill", chain=2, **QUICK)
+        write_table(tmp_path / "table.csv", found.profile, found.limits)
+        job = load_job_of_table(tmp_path / "table.csv", drawing, chain=2)
+        assert job.check(planner.read_table(tmp_path / "table.csv", job.curve)).ok
+
+    @pytest.mark.parametrize("source", ["teardrop", SLOTS, load_curve("circle")])
+    def test_other_curves_have_no_chains(self, source):
+        with pytest.raises(InputError, match=r"chain = 1 is for drawings, \.dxf; .* is none"):
+            load_job(source, chain=1)
+        with pytest.raises(InputError, match=r"layer = 'a' is for drawings"):
+            load_job(source, layer="a")
+
+
 class TestMachines:
     """What a machine file lacks is given beside it, and said."""
 

@@ -1,16 +1,14 @@
-"""Curves out of DXF drawings and out of points."""
+"""Curves out of DXF drawings."""
 
 import re
-from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from planner import load_curve
-from planner.errors import CurveError, InputError
-from planner.geometry.drawing import read_dxf
+from planner.errors import CurveError
+from planner.geometry.drawing.read_drawing import read_dxf
 from planner.geometry.nurbs import NurbsCurve
-from planner.geometry.points import read_points
 
 ezdxf = pytest.importorskip("ezdxf")
 
@@ -35,16 +33,6 @@ def at(curve, s):
 
 def corners(curve):
     return [b for b in curve.breaks if b.geometric == 0]
-
-
-def distance_to_polyline(point, vertices):
-    """From a point to the two segments about the nearest vertex."""
-    k = int(np.clip(np.argmin(np.linalg.norm(vertices - point, axis=1)), 1, len(vertices) - 2))
-    best = np.inf
-    for a, b in pairwise(vertices[k - 1 : k + 2]):
-        w = np.clip((point - a) @ (b - a) / np.sum((b - a) ** 2), 0, 1)
-        best = min(best, np.linalg.norm(point - a - w * (b - a)))
-    return best
 
 
 class TestChains:
@@ -187,13 +175,42 @@ class TestDrawingsRefused:
         return str(caught.value).partition("part.dxf: ")[2]
 
     def test_another_entity(self, drawing):
-        message = self.refusal(drawing, lambda space: space.add_point((0, 0)))
-        assert message.startswith("POINT #")
-        assert "is not read; a chain of SPLINE, LINE, ARC, CIRCLE, LWPOLYLINE is: delete it, or put the path" in message
+        message = self.refusal(drawing, lambda space: space.add_solid([(0, 0), (1, 0), (0, 1)]))
+        assert message.startswith("SOLID #")
+        read = "SPLINE, LINE, ARC, CIRCLE, ELLIPSE, LWPOLYLINE, POLYLINE, HELIX, INSERT"
+        assert f"is not read; a chain of {read} is: delete it, put the path on a layer of its own (--layer)" in message
+
+    def test_a_mesh(self, drawing):
+        message = self.refusal(drawing, lambda space: space.add_polymesh((3, 3)))
+        assert re.match(r"POLYLINE #\w+ is a mesh, which is no path: delete it", message)
 
     def test_nothing(self, drawing):
         assert self.refusal(drawing, lambda space: None).startswith("the model space has no SPLINE")
         assert self.refusal(drawing, lambda space: None, layer="a").startswith("layer 'a' has no SPLINE")
+        only = self.refusal(drawing, lambda space: space.add_point((0, 0)))
+        assert only.endswith("LWPOLYLINE, POLYLINE, HELIX; not read: 1 POINT")
+
+    def test_another_layer(self, drawing):
+        message = self.refusal(
+            drawing, lambda space: space.add_line((0, 0), (1, 0), dxfattribs={"layer": "cut"}), layer="a"
+        )
+        assert message.startswith("layer 'a' has no SPLINE")
+        assert message.endswith("; the layers with paths are cut")
+
+    @pytest.mark.parametrize(
+        ("options", "message"),
+        [
+            ({"chain": 2}, "chain = 2 must be 1 to 1; there is 1: LINE #"),
+            ({"chain": 0}, "chain = 0 must be 1 to 1; there is 1: LINE #"),
+            ({"chain": True}, "chain = True must be a whole number"),
+            ({"chain": "1"}, "chain = '1' must be a whole number"),
+            ({"layer": 1}, "layer = 1 must be the name of a layer"),
+        ],
+    )
+    def test_what_is_no_choice(self, drawing, options, message):
+        with pytest.raises(CurveError) as caught:
+            drawing(lambda space: space.add_line((0, 0), (1, 0)), **options)
+        assert message in str(caught.value)
 
     def test_two_chains(self, drawing):
         def add(space):
@@ -201,8 +218,21 @@ class TestDrawingsRefused:
             space.add_line((10.5, 0), (20, 0))
 
         message = self.refusal(drawing, add)
-        assert message.startswith("the drawing is more than one chain: the end (10, 0, 0) of LINE #")
-        assert "lies 0.5 mm from the nearest other, of LINE #" in message
+        assert re.match(
+            r"the drawing has 2 chains; choose one by its number \(--chain, chain=\) or its layer \(--layer, layer=\): "
+            r"1: LINE #(\w+), \(0, 0, 0\) to \(10, 0, 0\), 10 mm, layer 0; 2: LINE #(\w+), \(10.5, 0, 0\) to \(20, 0, 0\), "
+            r"9.5 mm, layer 0; the nearest ends, \(10, 0, 0\) of LINE #\1 and \(10.5, 0, 0\) of LINE #\2, are 0.5 mm apart "
+            r"and join within 0.001 mm$",
+            message,
+        )
+
+    def test_many_chains_are_not_all_listed(self, drawing):
+        def add(space):
+            for k in range(30):
+                space.add_circle((10 * k, 0), 2)
+
+        message = self.refusal(drawing, add)
+        assert re.search(r"8: CIRCLE #\w+, closed, 12.57 mm, layer 0; and 22 more$", message)
 
     def test_a_branch(self, drawing):
         def add(space):
@@ -210,8 +240,27 @@ class TestDrawingsRefused:
                 space.add_line((0, 0), end)
 
         message = self.refusal(drawing, add)
-        assert message.startswith("3 ends meet at (0, 0, 0), of LINE #")
+        assert message.startswith("the drawing has 3 chains; choose one")
+        assert "; 3 ends meet at (0, 0, 0), of LINE #" in message
         assert message.endswith("; a chain has two at every joint: delete what does not belong to it")
+        assert at(drawing(add, chain=2), [0, 10]) == pytest.approx(np.array([[0, 0], [0, 10]]))
+
+    def test_a_star_is_refused_before_it_takes_long(self, drawing):
+        def add(space):
+            for k in range(150):
+                space.add_line((0, 0), (10 + k, 1))
+
+        assert self.refusal(drawing, add).startswith("150 ends meet at (0, 0, 0), of LINE #")
+
+    def test_a_path_drawn_twice_is_not_run_out_and_back(self, drawing):
+        def add(space):
+            space.add_lwpolyline([(0, 0), (5, 3), (9, 0)])
+            space.add_lwpolyline([(9, 0), (5, 3), (0, 0)])
+            space.add_line((20, 0), (30, 0))
+
+        message = self.refusal(drawing, add, chain=1)
+        assert re.match(r"LWPOLYLINE #(\w+) and LWPOLYLINE #(\w+) are the same path, drawn twice; delete one$", message)
+        assert drawing(add, chain=2).length == pytest.approx(10.0)
 
     def test_a_line_drawn_twice_is_named(self, drawing):
         def add(space):
@@ -222,17 +271,6 @@ class TestDrawingsRefused:
         assert re.search(
             r"LINE #(\w+) and LINE #(\w+) have both ends in common, delete one if it is drawn twice", message
         )
-
-    @pytest.mark.parametrize(
-        ("add", "hint"),
-        [
-            (lambda space: space.add_polyline2d([(0, 0), (5, 0)]), "convert it to LWPOLYLINE"),
-            (lambda space: space.add_ellipse((0, 0), (5, 0), 0.5), "convert it to SPLINE"),
-            (lambda space: space.add_blockref("part", (0, 0)), "explode the block"),
-        ],
-    )
-    def test_what_to_do_with_other_entities(self, drawing, add, hint):
-        assert hint in self.refusal(drawing, add)
 
     @pytest.mark.parametrize(
         ("add", "message"),
@@ -255,9 +293,19 @@ class TestDrawingsRefused:
             "no entity is longer than 0.001 mm, within which ends join; are the units right?"
         )
 
-    def test_a_spline_without_control_points(self, drawing):
-        message = self.refusal(drawing, lambda space: space.add_spline([(0, 0), (1, 1), (2, 0)]))
-        assert message.endswith("has fit points only; export it with control points")
+    @pytest.mark.parametrize(
+        ("points", "closed", "message"),
+        [
+            ([(0, 0), (1, 1), (1, 1), (2, 0)], False, ": fit points 2 and 3 are the same; delete one"),
+            ([(0, 0), (1, 1), (2, 0)], True, " is closed and has fit points only; export it with control points"),
+            ([(0, 0)], False, " has neither control points nor fit points; the file is damaged"),
+        ],
+    )
+    def test_fit_points_through_which_there_is_no_one_spline(self, drawing, points, closed, message):
+        def add(space):
+            space.add_spline(points).closed = closed
+
+        assert self.refusal(drawing, add).partition("#")[2].endswith(message)
 
     def test_unknown_units(self, drawing):
         assert self.refusal(drawing, lambda space: space.add_circle((0, 0), 1), units=20).startswith("$INSUNITS = 20")
@@ -274,150 +322,12 @@ class TestDrawingsRefused:
             read_dxf(tmp_path / "absent.dxf")
 
 
-class TestPoints:
-    @pytest.fixture
-    def spiral(self):
-        a = np.linspace(0, 9, 400)
-        return np.stack([(20 - a) * np.cos(a), (20 - a) * np.sin(a)], axis=1)
-
-    def write(self, tmp_path, points, head="", delimiter=","):
-        path = tmp_path / "points.csv"
-        rows = [delimiter.join(f"{x:.6f}" for x in row) for row in points]
-        path.write_text("\n".join([head, *rows] if head else rows) + "\n")
-        return path
-
-    @pytest.mark.parametrize("tolerance", [0.1, 0.01, 1e-4])
-    def test_every_point_is_within_the_tolerance(self, tmp_path, spiral, tolerance):
-        rng = np.random.default_rng(0)
-        noisy = spiral + rng.normal(size=spiral.shape) * 0.2 * tolerance
-        curve = read_points(self.write(tmp_path, noisy), tolerance)
-        u = np.linspace(*curve.domain, 40001)
-        dense = curve.derivatives(u, 0)[0]
-        assert max(distance_to_polyline(p, dense) for p in noisy) <= curve.deviation + 1e-6
-        assert curve.deviation <= tolerance
-        # Between the points too it is the spiral that they come from.
-        a = np.linspace(0, 9, 4000)
-        true = np.stack([(20 - a) * np.cos(a), (20 - a) * np.sin(a)], axis=1)
-        assert max(distance_to_polyline(p, true) for p in dense[::40]) <= 3 * tolerance + 1e-4
-
-    def test_it_has_no_breaks(self, tmp_path, spiral):
-        assert read_points(self.write(tmp_path, spiral), 0.01).breaks == ()
-
-    def test_a_wider_tolerance_needs_fewer_knots(self, tmp_path, spiral):
-        path = self.write(tmp_path, spiral)
-        assert read_points(path, 0.1).knots.size < read_points(path, 1e-5).knots.size
-
-    def test_scattered_points_are_interpolated(self, tmp_path):
-        points = np.random.default_rng(1).normal(size=(40, 3)) * 10
-        curve = read_points(self.write(tmp_path, points), 1e-7)
-        assert curve.axes == ("X", "Y", "Z")
-        assert curve.deviation <= 1e-7
-
-    @pytest.mark.parametrize("count", [2, 3, 4, 5, 6])
-    def test_few_points(self, tmp_path, spiral, count):
-        curve = read_points(self.write(tmp_path, spiral[::60][:count]), 1e-6)
-        assert curve.deviation <= 1e-6
-        assert curve.degree == min(5, count - 1)
-
-    @pytest.mark.parametrize("delimiter", [",", ";", "\t", " ", ", "])
-    def test_delimiters_and_names(self, tmp_path, spiral, delimiter):
-        head = delimiter.join(("x_mm", "y_mm"))
-        plain = read_points(self.write(tmp_path, spiral), 0.01)
-        named = read_points(self.write(tmp_path, spiral, head, delimiter), 0.01)
-        assert named.control_points.tolist() == plain.control_points.tolist()
-
-    def test_repeated_points_and_comments(self, tmp_path):
-        path = tmp_path / "points.csv"
-        path.write_text("# measured\n0,0\n0,0\n5,0\n\n10,1\n10,1\n")
-        curve = read_points(path, 1e-3)
-        assert at(curve, [0, curve.length]) == pytest.approx(np.array([[0, 0], [10, 1]]), abs=1e-9)
-
-    def test_the_row_of_the_largest_deviation(self, tmp_path):
-        x = np.linspace(0, 10, 60)
-        y = np.where(np.arange(60) == 40, 0.04, 0.0)
-        curve = read_points(self.write(tmp_path, np.stack([x, y], axis=1)), 0.05)
-        assert curve.row == 41
-        assert 0.005 < curve.deviation <= 0.05
-
-    @pytest.mark.parametrize(
-        ("text", "message"),
-        [
-            ("", "has no points"),
-            ("1,2\n", "1 different points are too few; a curve needs 2"),
-            ("1,2\n1,2\n", "1 different points are too few; a curve needs 2"),
-            ("1,2\n3,x\n", "2: 3,x must be 2 or 3 numbers"),
-            ("a,b\n3,4\n", "1: a,b must be 2 or 3 numbers, or the names X, Y, Z in the first line"),
-            ("1,2\n3,4,5\n", "2: 3,4,5 must be 2 finite numbers"),
-            ("1,2\n3,nan\n", "2: 3,nan must be 2 finite numbers"),
-            ("1\n2\n", "1: 1 must be 2 or 3 finite numbers"),
-            ("1,2\n3,\n", "2: 3, must be 2 or 3 numbers"),
-        ],
-    )
-    def test_refusals(self, tmp_path, text, message):
-        path = tmp_path / "points.csv"
-        path.write_text(text)
-        with pytest.raises(CurveError) as caught:
-            read_points(path, 0.01)
-        assert str(caught.value).partition("points.csv:")[2].strip() == message
-
-    def test_the_tolerance_must_be_positive(self, tmp_path):
-        with pytest.raises(InputError, match="tolerance = 0 must be a number > 0"):
-            read_points(tmp_path / "a.csv", 0)
-
-
-def test_load_curve_reads_both(tmp_path):
+def test_load_curve_reads_it_scaled(tmp_path):
     document = ezdxf.new("R2010")
     document.header["$INSUNITS"] = 4
     document.modelspace().add_circle((0, 0), 3)
     document.saveas(tmp_path / "a.dxf")
-    (tmp_path / "a.csv").write_text("0,0\n1,2\n4,4\n")
     assert load_curve(tmp_path / "a.dxf", scale=2.0).length == pytest.approx(12 * np.pi, rel=1e-9)
-    assert load_curve(str(tmp_path / "a.csv")).control_points[-1].tolist() == pytest.approx([4, 4])
-
-
-@pytest.mark.parametrize(
-    ("row", "text", "message"),
-    [
-        (20, "1_0,2", "must be 2 or 3 numbers"),
-        (20, "\u0661,2", "must be 2 or 3 numbers"),
-        (20, "1e300,2", "coordinates must lie within 1e+09 mm of 0"),
-        (20, '"1,2', "numbers|quote"),
-        (20, "\x00,2", "numbers|NUL"),
-    ],
-)
-def test_points_that_are_none_are_refused(tmp_path, row, text, message):
-    lines = [f"{k},{0.1 * k**2}" for k in range(40)]
-    lines[row - 1] = text
-    path = tmp_path / "points.csv"
-    path.write_text("\n".join(lines) + "\n")
-    with pytest.raises(CurveError) as caught:
-        read_points(path, 0.01)
-    assert any(part in str(caught.value) for part in message.split("|"))
-
-
-def test_a_point_far_from_all_others_is_named_or_passed_within_tolerance(tmp_path):
-    refusals, passed = [], 0
-    for far in 10.0 ** np.arange(2, 10):
-        lines = [f"{k},{0.1 * k**2}" for k in range(40)]
-        lines[24] = f"{far:.0f},3"
-        path = tmp_path / "points.csv"
-        path.write_text("\n".join(lines) + "\n")
-        try:
-            curve = read_points(path, 0.01)
-        except CurveError as error:
-            refusals.append(str(error))
-        else:
-            passed += 1
-            assert curve.deviation <= 0.01
-    assert passed > 0
-    assert refusals
-    assert all("points.csv:25: the spline through the points misses this one by" in said for said in refusals)
-
-
-def test_points_nearer_than_the_digits_of_the_parameter_are_one(tmp_path):
-    path = tmp_path / "points.csv"
-    path.write_text("0,0\n10,0\n10,1e-14\n20,5\n30,5\n")
-    assert read_points(path, 1e-3).length == pytest.approx(31.3, abs=0.5)
 
 
 @pytest.mark.parametrize("header", ["", "0\nSECTION\n2\nHEADER\n9\n$ACADVER\n1\nAC1015\n0\nENDSEC\n"])
