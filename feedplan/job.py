@@ -324,10 +324,13 @@ def load_job(
         found, named = load_machine(machine, complete=complete)
         limits = _changed(found.limits, feed, period)
         return Job.of(
-            program_curve(source, scale, limits, tolerance, share, notice, tools=tools, ignore=ignore, reader=reader),
+            program_curve(
+                source, scale, limits, tolerance, share, notice,
+                tools=tools, ignore=ignore, reader=reader, setup=found.setup,
+            ),
             limits,
             named,
-        )
+        )  # fmt: skip
     made = plain_curve(source, scale, tolerance, share, choice)
     example = "five-axis" if ROTARY_AXES & set(made.curve.axes) else "mill"
     found, named = load_machine(machine, example, complete=complete)
@@ -364,21 +367,26 @@ def load_job_of_table(
     tools: str | Path | None = None,
     ignore: Sequence[str] = (),
     reader: str = "feedplan",
+    setup: str | Path | None = None,
 ) -> Job:
     """Load the curve a table was planned for, and the limits of a machine; without one, those in the table's header.
 
-    The path of a part program depends on the limits it was made for and on the tolerance: both stand in the header.
-    Arguments as for :func:`load_job`; the plan itself is read by :func:`planner.read_table`.
+    The path of a part program depends on the limits it was made for and on the tolerance: both stand in the header.  It
+    depends too on the homes and offsets of the machine: these are those of the file ``setup``, or where that is left out of
+    ``machine``.  Other arguments as for :func:`load_job`; the plan itself is read by :func:`planner.read_table`.
     """
     from planner import load_limits, table_limits
     from planner.geometry.catalog import require_no_choice
     from planner.geometry.curve import Curve
+    from planner.machine.machine_file import read_machine
 
     own = table_limits(table)
     said = tolerance_of_table(table, source)
     tolerance, choice = said.mm if tolerance is None else _positive(tolerance), DrawingChoice(layer, chain)
+    on, named = (None, "") if machine is None else load_machine(machine, complete=complete)
     if not isinstance(source, Curve) and is_program(source):
         require_no_choice(source, layer, chain)
+        known = on if setup is None else read_machine(setup)
         weights = load_limits(said.machine) if said.machine else own
         found = program_curve(
             source,
@@ -389,15 +397,15 @@ def load_job_of_table(
             tools=tools,
             ignore=ignore,
             reader=reader,
+            setup=None if known is None else known.setup,
             widen=not said.machine,
         )
     else:
         found = plain_curve(source, scale, tolerance, said.share, choice)
-    if machine is None:
+    if on is None:
         if complete:
             raise InputError(f"{', '.join(complete)}: completes a machine file; the limits are those of {table}")
         return Job.of(found, own, f"limits in {table}")
-    on, named = load_machine(machine, complete=complete)
     return Job.of(found, on.limits, named)
 
 

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from planner.geometry.curve import Curve
     from planner.geometry.tolerance import PathTolerance
     from planner.machine.limits import Limits
+    from planner.machine.program_setup import ProgramSetup
     from planner.programs.path.smooth_path import ProgramPath
     from planner.programs.reading.program import Program
 
@@ -128,11 +129,12 @@ def program_curve(
     tools: str | Path | None = None,
     ignore: Sequence[str] = (),
     reader: str = "feedplan",
+    setup: ProgramSetup | None = None,
     widen: bool = False,
 ) -> SourceCurve:
     """Make the path of a part program, which takes its share of the tolerance.
 
-    ``notice`` is told of a long one; ``tools``, ``ignore`` and ``reader`` say how it is read.  ``widen``: the
+    ``notice`` is told of a long one; ``tools``, ``ignore``, ``reader`` and ``setup`` say how it is read.  ``widen``: the
     limits are those of the axes that move, as a table has them.
     """
     import numpy as np
@@ -141,7 +143,7 @@ def program_curve(
     from planner.programs.source import given_tolerances, path_of, program_of, require_unscaled
 
     require_unscaled(source, scale)
-    program = program_of(source, reader, tools=tools, ignore=ignore)
+    program = program_of(source, reader, tools=tools, ignore=ignore, setup=setup)
     if len(program) > _LONG and notice is not None:
         notice(
             f"{source}: {len(program)} moves are planned as a whole here, which takes memory; "

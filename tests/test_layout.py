@@ -119,6 +119,7 @@ TOPICS = {
     "plan/test_two_sided.py": "rows whose bounds are not symmetric",
     "programs/reading/test_axes.py": "words of rotary axes and of U V W",
     "programs/reading/test_refusals.py": "programs that are refused",
+    "programs/test_machine_setup.py": "homes, work offsets and tool changes of a machine file",
     "programs/test_rapids.py": "rapids of a program, from the reader to the plan",
     "verify/test_defects.py": "planted defects",
     "verify/test_rotary.py": "rotary axes",

@@ -19,6 +19,7 @@ from feedplan.job import load_job_of_table
 @options.machine
 @options.tolerance
 @options.tools
+@options.setup
 @options.ignore
 @options.reader
 @options.scale
@@ -34,6 +35,7 @@ def check(
     complete: dict[str, float],
     tolerance_mm: float | None,
     tools: Path | None,
+    setup: str | None,
     ignore: tuple[str, ...],
     reader: str,
     scale: float,
@@ -62,6 +64,7 @@ def check(
             tools=tools,
             ignore=ignore,
             reader=reader,
+            setup=setup,
             layer=layer,
             chain=chain,
         )

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 @click.option("--table", type=options.FILE, help="Feedrate table of the plan, in place of planning.")
 @click.option("--tolerance-mm", type=float, help="Distance allowed between the program and the CURVE.")
 @options.tools
+@options.setup
 @options.ignore
 @options.reader
 @click.option("--inverse-time", is_flag=True, help="G93: F as blocks a minute.")
@@ -53,6 +54,7 @@ def ngc(
     table: Path | None,
     tolerance_mm: float | None,
     tools: Path | None,
+    setup: str | None,
     ignore: tuple[str, ...],
     reader: str,
     inverse_time: bool,
@@ -96,7 +98,15 @@ def ngc(
         else:
             job = _job_of_table(
                 load_job_of_table(
-                    table, curve, scale=scale, layer=layer, chain=chain, tools=tools, ignore=ignore, reader=reader
+                    table,
+                    curve,
+                    scale=scale,
+                    layer=layer,
+                    chain=chain,
+                    tools=tools,
+                    ignore=ignore,
+                    reader=reader,
+                    setup=setup,
                 ),
                 table,
                 tolerance_mm,

@@ -79,6 +79,11 @@ tolerance = click.option(
 tools = click.option(
     "--tools", type=FILE, help="Tool table of LinuxCNC, .tbl, for the lengths of a part program's G43."
 )
+setup = click.option(
+    "--setup",
+    metavar="FILE",
+    help="Machine file with the homes and offsets that a part program was planned with; else those of --machine.",
+)
 ignore = click.option(
     "--ignore",
     multiple=True,

@@ -27,6 +27,7 @@ _SAMPLES_AT_ONCE = 1_000_000  # bounds the memory that evaluating the plan takes
 @click.option("--order", type=int, default=5, help="1, 2, 3 (Taylor steps) or 5 (the plan itself).")
 @options.tolerance
 @options.tools
+@options.setup
 @options.ignore
 @options.reader
 @options.scale
@@ -41,6 +42,7 @@ def replay(
     order: int,
     tolerance_mm: float | None,
     tools: Path | None,
+    setup: str | None,
     ignore: tuple[str, ...],
     reader: str,
     scale: float,
@@ -71,6 +73,7 @@ def replay(
             tools=tools,
             ignore=ignore,
             reader=reader,
+            setup=setup,
         )
         with ProgressLine() as line:
             line("reading the table")

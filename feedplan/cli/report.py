@@ -29,6 +29,7 @@ from feedplan.job import load_job_of_table
 @options.chain
 @options.tolerance
 @options.tools
+@options.setup
 @options.ignore
 @options.reader
 @options.as_json
@@ -44,6 +45,7 @@ def report(
     chain: int | None,
     tolerance_mm: float | None,
     tools: Path | None,
+    setup: str | None,
     ignore: tuple[str, ...],
     reader: str,
     as_json: bool,
@@ -72,6 +74,7 @@ def report(
             tools=tools,
             ignore=ignore,
             reader=reader,
+            setup=setup,
             layer=layer,
             chain=chain,
         )

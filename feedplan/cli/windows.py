@@ -75,7 +75,7 @@ def windows(
     began = time.perf_counter()
     with ProgressLine() as line:
         line("reading the program", None)
-        blocks = program_of(program, reader, tools=tools, ignore=ignore)
+        blocks = program_of(program, reader, tools=tools, ignore=ignore, setup=found.setup)
         plan = plan_program(blocks, limits, tolerance_mm, output=output, progress=line, resume=not fresh)
     seconds = time.perf_counter() - began
     if as_json:

@@ -28,6 +28,8 @@ LENGTHS = {
     "rad": {"rad": 1.0, "deg": math.pi / 180.0, "rev": 2.0 * math.pi},
 }
 """Units of length in mm, and of angle in rad."""
+_IN_PROGRAMS = LENGTHS["mm"] | {"deg": 1.0, "rad": 180.0 / math.pi, "rev": 360.0}
+"""The same in the units of programs: mm and degrees."""
 _MINUTE = 60.0  # s
 _NAME, _AXIS, _PROGRAM = "name", "axis", "program"
 _HOMES = ("home", "second_home", "tool_change")
@@ -232,7 +234,7 @@ def _program(table: Any, page: _Page) -> ProgramSetup:
 
 
 def _point(value: Any, unit: str, at: str, said: str) -> dict[str, float]:
-    """A point as ``{ X = 10, Z = 50 }`` in mm, or rad for axes that turn."""
+    """A point as ``{ X = 10, Z = 50 }`` in mm, or degrees for axes that turn."""
     length = next(length for length, units in LENGTHS.items() if unit in units)
     axes = [axis for axis in AXES if (axis in ROTARY_AXES) == (length == "rad")]
     if not isinstance(value, dict) or not value:
@@ -242,4 +244,4 @@ def _point(value: Any, unit: str, at: str, said: str) -> dict[str, float]:
             raise InputError(f'{at}: {said} has "{shorten(axis)}"; in {unit} there may be {", ".join(axes)}')
         if not _is_number(number) or not math.isfinite(number):
             raise InputError(f"{at}: {said}.{axis} = {shorten(repr(number))} must be a finite number")
-    return {axis: LENGTHS[length][unit] * float(number) for axis, number in value.items()}
+    return {axis: _IN_PROGRAMS[unit] * float(number) for axis, number in value.items()}

@@ -13,7 +13,7 @@ from planner.types import FloatArray
 SYSTEMS = ("G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3")
 """Coordinate systems of a program, in the order of their numbers, 1 to 9."""
 Point = Mapping[str, float]
-"""Coordinates by the names of axes, mm and rad; an axis that is left out stands at 0."""
+"""Coordinates by the names of axes, mm and degrees, as programs have them; an axis that is left out stands at 0."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class ProgramSetup:
     tools : Path, optional
         Tool table of LinuxCNC.
     home, second_home : mapping of str to float, optional
-        Where G28 and G30 lead, mm and rad by the names of the axes; None where the machine file does not say.
+        Where G28 and G30 lead, by the names of the axes; None where the machine file does not say.
     tool_change : mapping of str to float, optional
         Where M6 leads, in the axes that are named; None: it moves nothing.
     offsets : mapping of str to mapping

@@ -275,7 +275,7 @@ def _require_curve(file: ColumnFile, curve: Curve) -> None:
         raise InputError(
             f"{file.path}: the table is for the curve {shorten(file.header['curve'])} (hash {shorten(found)[:12]}), not "
             f"for {curve.name} (hash {curve.fingerprint[:12]}); give the curve, and the scale and tolerance, it was planned "
-            "with"
+            "with; a program that counts on homes or offsets of a machine file needs that file too (--setup)"
         )
 
 

@@ -19,6 +19,7 @@ from planner.programs import SUFFIXES
 
 if TYPE_CHECKING:
     from planner.machine.limits import Limits
+    from planner.machine.program_setup import ProgramSetup
     from planner.programs.path.smooth_path import ProgramPath
     from planner.programs.reading.program import Program
     from planner.programs.reading.setup import Tool
@@ -105,6 +106,7 @@ def program_of(
     *,
     tools: str | Path | Mapping[int, Tool] | None = None,
     ignore: Sequence[str] = (),
+    setup: ProgramSetup | None = None,
 ) -> Program:
     """Read a part program, by this package or by LinuxCNC.
 
@@ -116,14 +118,19 @@ def program_of(
     if reader == READERS[0]:
         from planner.programs.reading.reader import read_program
 
-        return read_program(source, tools=tools, ignore=ignore)
+        return read_program(source, tools=tools, ignore=ignore, setup=setup)
     from planner.programs.linuxcnc.canonical_program import read_with_linuxcnc
 
     if ignore:
         raise InputError(
             f"ignore = {list(ignore)!r}: LinuxCNC passes over no words; leave them out with its reader rs274"
         )
-    return read_with_linuxcnc(source, tools=tools)
+    if setup is not None and (setup.home or setup.second_home or setup.tool_change or setup.offsets):
+        raise InputError(
+            "the machine file says where homes, offsets or tool changes are, which LinuxCNC takes from its own files; leave "
+            "them out with its reader rs274"
+        )
+    return read_with_linuxcnc(source, tools=setup.tools if tools is None and setup is not None else tools)
 
 
 def path_of(program: Program, limits: Limits, tolerance: float | None, share: float = 1.0) -> ProgramPath:

@@ -3,7 +3,6 @@
 import math
 import tomllib
 
-import numpy as np
 import pytest
 
 from planner.errors import InputError
@@ -98,16 +97,21 @@ G54 = { C = 180 }
 """
     )
 
-    def test_positions_in_mm_and_rad(self, read, tmp_path):
+    def test_positions_in_mm_and_degrees(self, read, tmp_path):
         setup = read(self.TEXT).setup
         assert setup.tools == tmp_path / "tools.tbl"
-        assert setup.home == {"X": 0.0, "Z": 120.5, "A": pytest.approx(np.pi / 2)}
+        assert setup.home == {"X": 0.0, "Z": 120.5, "A": 90.0}
         assert setup.second_home == {"X": -25.4}
         assert setup.tool_change == {"X": 10.0, "Y": 20.0}
         assert setup.offsets == {
-            "G54": {"X": 100.0, "Y": 50.5, "Z": -30.0, "C": pytest.approx(np.pi)},
+            "G54": {"X": 100.0, "Y": 50.5, "Z": -30.0, "C": 180.0},
             "G59.1": {"X": 1.0},
         }
+
+    @pytest.mark.parametrize(("unit", "value"), [("deg", 90.0), ("rad", math.pi / 2), ("rev", 0.25)])
+    def test_an_angle_in_every_unit(self, read, unit, value):
+        setup = read(f"{MILL}[program]\nhome_{unit} = {{ B = {value!r} }}\n").setup
+        assert setup.home == {"B": pytest.approx(90.0, rel=1e-15)}
 
     def test_limits_are_the_same_with_it(self, read):
         assert read(self.TEXT).limits == read(MILL).limits

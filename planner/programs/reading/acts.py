@@ -48,6 +48,8 @@ def _act(track: ProgramTrack, row: int) -> None:
     if blocks.m[CHANGE].given[row]:
         by_number = blocks.number(row, "Q") if blocks.m[CHANGE].value[row] != 6 else None
         track.state.loaded = _selected(track, row) if by_number is None else int(by_number)
+        if by_number is None and track.state.offsets.tool_change is not None:
+            _go_to_tool_change(track, row)
     for column, table in ((blocks.g[TOOL_LENGTH], _LENGTHS), (blocks.g[SYSTEM], _SYSTEMS), (blocks.g[ONCE], _ONCE)):
         if column.given[row]:
             table.get(int(column.value[row]), _nothing)(track, row)
@@ -73,8 +75,8 @@ def _note_machine(track: ProgramTrack, row: int) -> None:
     motion = track.modal[MOTION][row]
     if motion not in (0, 10):
         _refuse(track, track.blocks.g[ONCE], row, "machine coordinates need G0 or G1")
-    if not state.offsets.systems[state.offsets.active].any():
-        code = SYSTEM_CODES[state.offsets.active]
+    code = SYSTEM_CODES[state.offsets.active]
+    if not state.offsets.is_known(code):
         state.offsets.assume(f"the origin of G{code / 10:g} on the machine, for G53", int(track.blocks.line[row]))
 
 
@@ -87,7 +89,7 @@ def _go_home(track: ProgramTrack, row: int) -> None:
     state, blocks = track.state, track.blocks
     code = int(blocks.g[ONCE].value[row])
     home, line = state.offsets.home[code], int(blocks.line[row])
-    if not home.any():
+    if not state.offsets.is_known(code):
         state.offsets.assume(f"the position of G{code // 10}", line)
     numbers = _numbers(track, row)
     if any(number is not None for number in numbers):
@@ -109,6 +111,24 @@ def _go_home(track: ProgramTrack, row: int) -> None:
             if not state.known[axis] and state.axis_lines[axis] == 0:
                 track.stand(row, axis, float(home[axis]))
             end[axis] = home[axis]
+    track.side.append(SideMove(row, RAPID, end))
+    state.programmed = end.copy()
+
+
+def _go_to_tool_change(track: ProgramTrack, row: int) -> None:
+    """M6 on a machine that changes tools in one place: a rapid there, in the axes that its file names."""
+    state, blocks = track.state, track.blocks
+    if track.kind[row] >= RAPID or blocks.g[ONCE].has(280)[row] or blocks.g[ONCE].has(300)[row]:
+        reason = "M6 leads to the tool change position of the machine file; write the motion in a block of its own"
+        _refuse(track, blocks.m[CHANGE], row, reason)
+        return
+    end = state.programmed.copy()
+    for axis, at in (state.offsets.tool_change or {}).items():
+        if not state.known[axis] and state.axis_lines[axis] == 0:
+            track.stand(row, axis, at)
+        if state.axis_lines[axis] == 0:
+            state.axis_lines[axis] = blocks.line[row]
+        end[axis] = at
     track.side.append(SideMove(row, RAPID, end))
     state.programmed = end.copy()
 
@@ -180,7 +200,7 @@ def _choose_system(track: ProgramTrack, row: int) -> None:
     """G54 to G59.3."""
     offsets, code = track.state.offsets, int(track.blocks.g[SYSTEM].value[row])
     offsets.active = SYSTEM_CODES.index(code)
-    if offsets.active and not offsets.systems[offsets.active].any():
+    if offsets.active and not offsets.is_known(code):
         offsets.assume(f"the origin of G{code / 10:g}", int(track.blocks.line[row]))
 
 

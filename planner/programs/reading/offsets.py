@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from planner.geometry.curve import AXES
+from planner.machine.program_setup import SYSTEMS, ProgramSetup, vector
 from planner.programs.reading.setup import Tool
 from planner.types import FloatArray
 
@@ -38,7 +39,30 @@ class Offsets:
     kept_shift: FloatArray = field(default_factory=origin)  # that G92.3 brings back
     length: FloatArray = field(default_factory=origin)
     home: dict[int, FloatArray] = field(default_factory=lambda: {280: origin(), 300: origin()})
+    stated: frozenset[int] = frozenset()  # codes of systems and homes that the machine file gives
+    tool_change: Mapping[int, float] | None = None  # where M6 leads, by the index of the axis
     assumed: dict[str, int] = field(default_factory=dict)  # what was taken for 0, with the first line
+
+    @classmethod
+    def of(cls, setup: ProgramSetup, tools: Mapping[int, Tool] | None) -> Offsets:
+        """What a machine file says, before the first block."""
+        offsets = cls(tools)
+        stated = set()
+        homes = ((280, setup.home), (300, setup.second_home))
+        systems = zip(SYSTEM_CODES, offsets.systems, (setup.offsets.get(name) for name in SYSTEMS), strict=True)
+        for code, row, point in (*((code, offsets.home[code], point) for code, point in homes), *systems):
+            if point is not None:
+                row[:] = vector(point, AXES)
+                stated.add(code)
+        offsets.stated = frozenset(stated)
+        if setup.tool_change is not None:
+            offsets.tool_change = {AXES.index(axis): at for axis, at in setup.tool_change.items()}
+        return offsets
+
+    def is_known(self, code: int) -> bool:
+        """Whether a coordinate system or a home is said, by the machine file or the program."""
+        point = self.home[code] if code in self.home else self.systems[SYSTEM_CODES.index(code)]
+        return code in self.stated or bool(point.any())
 
     @property
     def total(self) -> FloatArray:

@@ -52,7 +52,8 @@ class ProgramTrack:
     def __post_init__(self) -> None:
         state = self.state
         homes = state.offsets.home.values()
-        if self.blocks.any_of(AXIS_LETTERS[3:]).any() or any(home[3:].any() for home in homes):
+        elsewhere = any(home[3:].any() for home in homes) or any(axis > 2 for axis in state.offsets.tool_change or ())
+        if elsewhere or self.blocks.any_of(AXIS_LETTERS[3:]).any():
             state.carried = len(AXES)
         self.points = np.empty((self.kind.size + 1, state.carried))
         self.points[0] = state.programmed[: state.carried]

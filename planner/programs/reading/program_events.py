@@ -41,7 +41,8 @@ def add_events(track: ProgramTrack, moves: MovesOfPart) -> None:
             if not change.given[row]:
                 note("tool", state.tool, before)
         if change.given[row] and change.value[row] == 6:
-            note("tool_change", f"{text(change)} {state.tool}".strip(), before)
+            at = before if state.offsets.tool_change is None else after
+            note("tool_change", f"{text(change)} {state.tool}".strip(), at)
         if spindle.given[row] or (speed.given[row] and speed.value[row] != state.spindle):
             note("spindle", text(spindle, speed), before)
         if speed.given[row]:

@@ -19,7 +19,8 @@ Rules, where dialects differ:
 5. The program ends with M2, M30 or the second %; what follows is not read.  A file without one may have been cut off.
 6. In a block tool change, spindle and dwell come before the motion, M0, M1, M2, M30 and M60 after it.
 7. Homes (G28, G30) and the origins of coordinate systems are 0 on the machine, and the length of a tool is 0, where neither
-   the program nor a tool table says more; the notes of the program say so.
+   the program nor a machine file nor a tool table says more; the notes of the program say so.  M6 moves nothing unless the
+   machine file says where tools are changed: then it is a rapid there, before the change.
 8. Blocks with / are passed over, and so are lines that begin with $ or ?; the notes say so.
 """
 
@@ -32,6 +33,7 @@ import numpy as np
 
 from planner.errors import InputError
 from planner.inputs import require_path
+from planner.machine.program_setup import ProgramSetup
 from planner.programs.reading.acts import carry_positions
 from planner.programs.reading.blocks import Blocks, sort_words
 from planner.programs.reading.flow import FLOW_CODES, Flow
@@ -57,6 +59,7 @@ def read_program(
     start: Sequence[float] | None = None,
     tools: str | Path | Mapping[int, Tool] | None = None,
     ignore: Sequence[str] = (),
+    setup: ProgramSetup | None = None,
 ) -> Program:
     """Read a part program.
 
@@ -72,6 +75,8 @@ def read_program(
         it, or 0.
     ignore : sequence of str
         Words to pass over, each by itself, that are not read: ``("M123", "G7")``.
+    setup : ProgramSetup, optional
+        What the machine's file says of homes, origins, tools and where they are changed; left out, rule 7 above.
 
     Returns
     -------
@@ -85,11 +90,13 @@ def read_program(
         all of them.
     """
     file = require_path(path)
-    table = read_tool_table(tools) if isinstance(tools, str | Path) else tools
+    known = ProgramSetup() if setup is None else setup
+    given = known.tools if tools is None else tools
+    table = read_tool_table(given) if isinstance(given, str | Path) else given
     ignored = ignored_words(ignore)
 
     def begun() -> ReadingState:
-        state = ReadingState(file.name, UnreadWords(file.name, ignored), Offsets(table))
+        state = ReadingState(file.name, UnreadWords(file.name, ignored), Offsets.of(known, table))
         if start is not None:
             state.place(start)
         return state
