@@ -77,6 +77,8 @@ def difference(theirs: Program, ours: Program) -> str:
     rows = slice(0, count)
     radius = np.linalg.norm(theirs.start[rows] - theirs.centre[rows], axis=1)
     arc = theirs.kind[rows] == ARC
+    # Under G93 the feed is that of the length of an arc, of which the radii at both ends make a spiral.
+    allowed = np.where(arc, WITHIN_MM / theirs.lengths[rows], FEED_SHARE) * np.where(np.isinf(theirs.feed[rows]), 0.0, theirs.feed[rows])
     with np.errstate(invalid="ignore"):
         off = {
             "kind": theirs.kind[rows] != ours.kind[rows],
@@ -85,7 +87,7 @@ def difference(theirs: Program, ours: Program) -> str:
             "centre": arc & ~(np.abs(theirs.centre[rows] - ours.centre[rows]) <= WITHIN_MM).all(axis=1),
             "normal": arc & (theirs.normal[rows] != ours.normal[rows]),
             "sweep": arc & ~(np.abs(theirs.sweep[rows] - ours.sweep[rows]) * radius <= WITHIN_MM),
-            "feed": ~np.isclose(theirs.feed[rows], ours.feed[rows], rtol=FEED_SHARE, atol=0.0),
+            "feed": ~np.isclose(theirs.feed[rows], ours.feed[rows], rtol=0.0, atol=allowed),
         }
     first = min((int(np.argmax(mask)) for mask in off.values() if mask.any()), default=count)
     if first < count:
