@@ -78,7 +78,9 @@ def difference(theirs: Program, ours: Program) -> str:
     radius = np.linalg.norm(theirs.start[rows] - theirs.centre[rows], axis=1)
     arc = theirs.kind[rows] == ARC
     # Under G93 the feed is that of the length of an arc, of which the radii at both ends make a spiral.
-    allowed = np.where(arc, WITHIN_MM / theirs.lengths[rows], FEED_SHARE) * np.where(np.isinf(theirs.feed[rows]), 0.0, theirs.feed[rows])
+    allowed = np.where(arc, WITHIN_MM / theirs.lengths[rows], FEED_SHARE) * np.where(
+        np.isinf(theirs.feed[rows]), 0.0, theirs.feed[rows]
+    )
     with np.errstate(invalid="ignore"):
         off = {
             "kind": theirs.kind[rows] != ours.kind[rows],

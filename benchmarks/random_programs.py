@@ -13,6 +13,22 @@ import numpy as np
 SYSTEMS = ("G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3")
 PLANES = {"G17": ("X", "Y", "Z", "I", "J"), "G18": ("Z", "X", "Y", "K", "I"), "G19": ("Y", "Z", "X", "J", "K")}
 TOOLS = (1, 2, 7)  # of benchmarks.dialect.TOOLS
+# What one would not write, and the readers have to agree on.
+DOUBTFUL = (
+    "G0 G1 X1", "G2 X5 Y5", "G3 I1", "G2 X1 Y1 I5 J9", "X1 G80", "G4", "G4 P-1", "G1 X1 F0", "G1 X[1/0]",
+    "G1 XSQRT[-1]", "G1 X[LN[0]]", "G10 L2 P12 X1", "G10 L7 P1 X1", "G10 P1 X1", "G81 X1 Z-1", "G81 X1 R1",
+    "G83 X1 Z-1 R1", "G83 X1 Z-1 R1 Q0", "G82 X1 Z-1 R1", "G81 X1 Z5 R1", "G43 H55", "T55 M6", "G1 G28 X1", "G92",
+    "G53 X1", "G53 G2 X1 I1", "G38.2", "M3 M4", "M7 M8", "M3 M8", "G17 G18", "G90 G91", "G1 XX1", "G1 X", "X1e3",
+    "G1 X--2", "G1 X1.2.3", "G1 X1 (open", "G1 X1 )", "G1 X1 Q3", "G1 X1 R2", "G1 I2", "P1", "R1", "L2", "H3", "Q1",
+    "G64 Q0.1", "G64 P-1", "G61 P1", "O999 endif", "O999 break", "M98 P777", "G1 X#5700", "G1 X#0", "#1=", "#33",
+    "G5.9", "G123", "M123456", "M-1", "G-1", "N1.5 G0 X1", "G0 N5 X1", "G0.99999 X1", "G1 X1 M30", "M6", "G43.1",
+    "G43 X1", "G92.1 X1", "G28 G0 X1", "F-1", "S-5", "T-1", "T1.5", "G17.5", "G2 X0 Y0 I0", "G2 X1 I0.5 P0",
+    "G2 X1 I0.5 P1.5", "G20 G21", "G54 G55", "G43 G49", "G98 G99", "G94 G93", "M0 M1", "G4 P1 X1",
+    "G18 G2 X1 Z1 J1", "G91 G81 X1 Z-1 R1 L0", "G0 X1 Y2 Z3 G4 P1", "^30", "@5 X1", "M72", "M71", "$H",
+    "G1 X1 H", "G 1 X 2", "G1X1Y", "g01x1y-.5", "G1 X1.", "G1 X-", "G1 X.", "G1 X+-3", "G1 X-+2", "G10 L2 P1.5 X1",
+    "G59.4", "G28 X1 Y1 I1", "G1 X[1 + ]", "G1 X[1", "G1 X1]", "G1 X[2 3]", "G1 XATAN[1]", "G1 XFOO[1]", "M19 R10",
+    "M60", "G80 X1", "G80 G1 X1", "G80 G0 X1", "G53 G80 X1", "G1 Z", "M61 Q1", "M61", "M66", "M67 E0 Q1", "M62",
+)  # fmt: skip
 _FAULTY = 0.35  # share of the programs with a line that may be wrong
 
 
@@ -48,7 +64,13 @@ class RandomProgram:
         if kind < 0.85:
             return f"+{plain}" if number >= 0 else plain
         if kind < 0.9:
-            return plain.replace("0.", ".", 1) if abs(number) < 1 and "." in plain else plain if "." in plain else f"{plain}."
+            return (
+                plain.replace("0.", ".", 1)
+                if abs(number) < 1 and "." in plain
+                else plain
+                if "." in plain
+                else f"{plain}."
+            )
         if kind < 0.95:
             return f"[{plain}]"
         part = round(number / 3.0, 3)
@@ -119,7 +141,9 @@ class RandomProgram:
         a, b = self.number(), self.number()
         self.to_relative(True)
         half = float(np.hypot(a, b)) / 2.0
-        radius = half * float(self.rng.uniform(1.001, 3.0)) if self.chance(0.9) else half - 10.0 ** self.rng.uniform(-5, -2)
+        radius = (
+            half * float(self.rng.uniform(1.001, 3.0)) if self.chance(0.9) else half - 10.0 ** self.rng.uniform(-5, -2)
+        )
         words = [self.word(first, a), self.word(second, b), f"R{self.rng.choice([-1, 1]) * radius:.4f}"]
         if self.chance(0.3):
             words.append(self.word(along, self.number(5.0)))
@@ -135,7 +159,9 @@ class RandomProgram:
         end = centre + np.array([[cos, -sin], [sin, cos]]) @ (start - centre)
         digits = 3 + self.inch
         self.say("G0", f"{first}{start[0]:.{digits}f}", f"{second}{start[1]:.{digits}f}")
-        words = [f"{name}{value:.{digits}f}" for name, value in zip((first, second, i, j), (*end, *centre), strict=True)]
+        words = [
+            f"{name}{value:.{digits}f}" for name, value in zip((first, second, i, j), (*end, *centre), strict=True)
+        ]
         self.say("G90.1", self.some("G2", "G3"), *words, *self.feed())
         self.say("G91.1")
 
@@ -259,9 +285,23 @@ class RandomProgram:
         cut = f"G1 {self.some('X', 'Y', 'Z')}{self.number(5.0)} {' '.join(self.feed())}"
         other = f"G0 {self.some('X', 'Y', 'Z')}{self.number(5.0)}"
         if kind == 0:
-            self.lines += [f"O{k} if [{a} GT 0]", cut, f"O{k} elseif [{a} GT -0.5]", other, f"O{k} else", "G4 P0.1", f"O{k} endif"]
+            self.lines += [
+                f"O{k} if [{a} GT 0]",
+                cut,
+                f"O{k} elseif [{a} GT -0.5]",
+                other,
+                f"O{k} else",
+                "G4 P0.1",
+                f"O{k} endif",
+            ]
         elif kind == 1:
-            body = [f"G0 X[#{k}*2]", f"O{k + 500} if [#{k} EQ 2]", f"O{k} {self.some('break', 'continue')}", f"O{k + 500} endif", cut]
+            body = [
+                f"G0 X[#{k}*2]",
+                f"O{k + 500} if [#{k} EQ 2]",
+                f"O{k} {self.some('break', 'continue')}",
+                f"O{k + 500} endif",
+                cut,
+            ]
             self.lines += [f"#{k}=0", f"o{k} while [#{k} LT {n}]", f"#{k}=[#{k}+1]", *body, f"o{k} endwhile"]
         elif kind == 2:
             self.lines += [f"O{k} repeat [{n}]", cut, f"O{k} endrepeat"]
@@ -273,7 +313,11 @@ class RandomProgram:
 
     def dwell(self) -> None:
         """Dwells, stops and switches."""
-        self.say(self.some("G4 P0.5", "G4 P2", "M3 S1000", "M5", "M8", "M9", "M0", "M1", "S500", "M48", "M62 P1", "M66 P0 L0"))
+        self.say(
+            self.some(
+                "G4 P0.5", "G4 P2", "M3 S1000", "M5", "M8", "M9", "M0", "M1", "S500", "M48", "M62 P1", "M66 P0 L0"
+            )
+        )
 
     def saved(self) -> None:
         """Modes that are kept and brought back."""
@@ -286,7 +330,9 @@ class RandomProgram:
         self.to_relative(False)
         self.plane = "G17"
         self.say("G17", "G0", self.word("X", self.number()), self.word("Y", abs(self.number()) + 1.0))
-        self.say(self.some("G0", "G1"), self.some(f"@{self.number()}", f"^{self.number(90.0)}", "@10 ^30"), *self.feed())
+        self.say(
+            self.some("G0", "G1"), self.some(f"@{self.number()}", f"^{self.number(90.0)}", "@10 ^30"), *self.feed()
+        )
 
     def blank(self) -> None:
         """What is no block."""
@@ -296,24 +342,10 @@ class RandomProgram:
 
     def doubtful(self) -> None:
         """A line that one would not write, and that the readers have to agree on."""
-        number = self.number()
-        self.say(
-            self.some(
-                f"G1 X{number} X2", "G0 G1 X1", "G2 X5 Y5", f"G2 X{number} R0.1", "G3 I1", "G2 X1 Y1 I5 J9", "X1 G80", "G4",
-                "G4 P-1", "G1 X1 F0", "G1 X[1/0]", "G1 XSQRT[-1]", "G1 X[LN[0]]", "G10 L2 P12 X1", "G10 L7 P1 X1", "G10 P1 X1",
-                "G81 X1 Z-1", "G81 X1 R1", "G83 X1 Z-1 R1", "G83 X1 Z-1 R1 Q0", "G82 X1 Z-1 R1", "G81 X1 Z5 R1", "G43 H55",
-                "T55 M6", "G1 G28 X1", "G92", "G53 X1", "G53 G2 X1 I1", "G38.2", "M3 M4", "M7 M8", "M3 M8", "G17 G18", "G90 G91",
-                "G1 XX1", "G1 X", "X1e3", "G1 X--2", "G1 X1.2.3", "G1 X1 (open", "G1 X1 )", "G1 X1 Q3", "G1 X1 R2", "G1 I2", "P1",
-                "R1", "L2", "H3", "Q1", "G64 Q0.1", "G64 P-1", "G61 P1", "O999 endif", "O999 break", "M98 P777", "G1 X#5700",
-                "G1 X#0", "#1=", "#33", "G5.9", "G123", "M123456", "M-1", "G-1", "N1.5 G0 X1", "G0 N5 X1", "G0.99999 X1",
-                "G1 X1 M30", "M6", "G43.1", "G43 X1", "G92.1 X1", "G28 G0 X1", "F-1", "S-5", "T-1", "T1.5", "G17.5", "G2 X0 Y0 I0",
-                "G2 X1 I0.5 P0", "G2 X1 I0.5 P1.5", "G20 G21", "G54 G55", "G43 G49", "G98 G99", "G94 G93", "M0 M1", "G4 P1 X1",
-                "G18 G2 X1 Z1 J1", "G91 G81 X1 Z-1 R1 L0", "G0 X1 Y2 Z3 G4 P1", "^30", "@5 X1", "M72", "M71", "M99", "$H",
-                "G1 X1 H", "G 1 X 2", "G1X1Y", "g01x1y-.5", "G1 X1.", "G1 X-", "G1 X.", "G1 X+-3", "G1 X-+2", "G10 L2 P1.5 X1",
-                "G59.4", "G28 X1 Y1 I1", "G1 X[1 + ]", "G1 X[1", "G1 X1]", "G1 X[2 3]", "G1 XATAN[1]", "G1 XFOO[1]", "M19 R10",
-                "M60", "G80 X1", "G80 G1 X1", "G80 G0 X1", "G53 G80 X1", "G1 Z", "M61 Q1", "M61", "M66", "M67 E0 Q1", "M62",
-            )  # fmt: skip
-        )
+        if self.chance(0.05):
+            self.say(f"G2 X{self.number()} R0.1")
+        else:
+            self.say(self.some(*DOUBTFUL))
 
     def text(self) -> str:
         """The program."""

@@ -19,6 +19,12 @@ _MOVES = (canon.RAPID, canon.LINE, canon.ARC, canon.PROBE, canon.TAP)
 FEED_MODE, PATH_MODE, SPEED, MOTION, DISTANCE, UNITS = range(3, 9)
 _PER_TURN, _INCH = 950, 200
 _THREADS = (330, 331, 760)
+_LOST = {
+    canon.LOST_UNITS: "the tool length was taken in other units, which LinuxCNC's interpreter mixes up where no machine is "
+    "there; write G49 before G20 or G21",
+    canon.LOST_ARC: "an arc ends where the tool is changed, which LinuxCNC's interpreter forgets where no machine is there; "
+    "write a straight move in X, Y or Z between them",
+}
 _PITCH = re.compile(r"[KP]([-+]?\d*\.?\d+|\d+\.)")
 
 
@@ -39,7 +45,15 @@ class CallColumns:
 
 
 def require_read(calls: CanonicalCalls) -> None:
-    """Raise InputError with LinuxCNC's message where it refuses the program."""
+    """Raise InputError with LinuxCNC's message where it refuses the program, or where it has no machine to ask."""
+    lost = np.flatnonzero(calls.rows[:, 0] == canon.LOST)
+    if lost.size:
+        row = int(lost[0])
+        mark = calls.rows[np.flatnonzero(calls.rows[:row, 0] == canon.MARK)[-1]]
+        name, line = calls.marked.names[int(mark[3])], int(mark[4])
+        raise InputError(
+            f"{name}:{line}: {calls.marked.lines[int(mark[3])][line - 1][:40]}: {_LOST[int(calls.rows[row, 3])]}"
+        )
     if not calls.message:
         return
     lines = calls.marked.lines[calls.file]
@@ -68,14 +82,14 @@ def sorted_calls(calls: CanonicalCalls) -> CallColumns:
     turning = state[:, FEED_MODE] == _PER_TURN
     feed[turning] *= state[turning, SPEED]
     for index in np.flatnonzero(np.isin(state[:, MOTION], _THREADS)).tolist():
-        pitch = _pitch(calls, int(marks[last[index]]), int(line[index])) * unit_mm(state[index])
+        pitch = _pitch(calls, int(marks[last[index]]), int(line[index])) * float(unit_mm(state[index]))
         feed[index] = pitch * state[index, SPEED] / 60.0
     return CallColumns(moves, kind[moves], line, feed, state, marks, main_line)
 
 
-def unit_mm(state: FloatArray) -> float:
-    """Length unit in force, mm."""
-    return INCH_MM if state[UNITS] == _INCH else 1.0
+def unit_mm(state: FloatArray) -> FloatArray:
+    """Length unit in force in each state, mm."""
+    return np.where(state[..., UNITS] == _INCH, INCH_MM, 1.0)
 
 
 def _pitch(calls: CanonicalCalls, mark: int, line: int) -> float:

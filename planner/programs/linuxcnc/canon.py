@@ -22,7 +22,8 @@ from typing import Any
 COLUMNS = (
     "kind", "line", "feed", "x", "y", "z", "a", "b", "c", "u", "v", "w", "first_centre", "second_centre", "turns", "plane"
 )  # fmt: skip
-RAPID, LINE, ARC, PROBE, TAP, DWELL, TOOL, MARK, STATE = range(9)
+RAPID, LINE, ARC, PROBE, TAP, DWELL, TOOL, MARK, STATE, LOST = range(10)
+LOST_UNITS, LOST_ARC = 1, 2  # what the interpreter would have to ask of a machine
 MARKED = "feedplan-mark"
 MAX_ROWS = 20_000_000  # a loop that never ends would fill the disk
 _INCH = 25.4
@@ -50,6 +51,7 @@ class Canon:
         self.origin, self.shift, self.tool = [0.0] * 9, [0.0] * 9, [0.0] * 9
         self.angle = 0.0
         self.at = [0.0] * 9
+        self.units, self.stale, self.in_arc = 0, False, False
 
     def __getattr__(self, name: str) -> Any:
         """Answer every call that moves nothing."""
@@ -71,6 +73,7 @@ class Canon:
 
     def _go(self, kind: int, numbers: tuple[float, ...]) -> None:
         self.at = self._on_machine(numbers)
+        self.in_arc = False
         self._row(kind, self.at)
 
     def next_line(self, state: Any) -> None:
@@ -78,6 +81,8 @@ class Canon:
         self.line = state.sequence_number
         modes = state.feed_mode, state.path_mode, state.speed, state.motion_mode, state.distance_mode, state.units
         self._row(STATE, [*modes, 0.0, 0.0, 0.0])
+        self.stale |= self.units not in (0, state.units) and any(self.tool)
+        self.units = state.units
 
     def comment(self, text: str) -> None:
         """A mark: the file and the line that are run next."""
@@ -115,6 +120,7 @@ class Canon:
         centre[x], centre[y] = centre1, centre2
         middle = self._on_machine((*centre, *rest))
         self.at = self._on_machine((*end, *rest))
+        self.in_arc = True
         self._row(ARC, self.at, (middle[x], middle[y], float(turns)))
 
     def dwell(self, seconds: float) -> None:
@@ -142,11 +148,16 @@ class Canon:
         self.angle = angle
 
     def tool_offset(self, *numbers: float) -> None:
-        """G43 and its kin."""
+        """G43 and its kin: it keeps the one in force in the units of then, and works out from it where the tool is."""
+        if self.stale:
+            self._row(LOST, [float(LOST_UNITS), *[0.0] * 8])
+        self.stale = False
         self.tool = _scaled(numbers)
 
     def change_tool(self, index: int) -> None:
         """M6, by the place of the tool in the table."""
+        if self.in_arc:
+            self._row(LOST, [float(LOST_ARC), *[0.0] * 8])
         self.loaded = index
         self._row(TOOL, [self.tools[index][0], *[0.0] * 8])
 

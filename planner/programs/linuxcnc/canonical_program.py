@@ -14,13 +14,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.compiled import core
+from planner.geometry.curve import AXES
 from planner.inputs import require_path
 from planner.programs.linuxcnc import canon
-from planner.programs.linuxcnc.calls import DISTANCE, PATH_MODE, CallColumns, require_read, sorted_calls
+from planner.programs.linuxcnc.calls import DISTANCE, PATH_MODE, CallColumns, require_read, sorted_calls, unit_mm
 from planner.programs.linuxcnc.interpreter import CanonicalCalls, canonical_calls
 from planner.programs.linuxcnc.line_events import events_and_tolerances
 from planner.programs.reading.modal import MoveColumns, ReadingState
-from planner.programs.reading.program import ARC, AXES, LINE, RAPID, ZERO_LENGTH_MM, Program
+from planner.programs.reading.program import (
+    ANGULAR,
+    ARC,
+    LINE,
+    RAPID,
+    ZERO_LENGTH_MM,
+    Program,
+    arc_lengths,
+    feed_lengths,
+)
 from planner.programs.reading.setup import Tool, read_tool_table
 from planner.programs.reading.unread import UnreadWords
 from planner.programs.reading.words import LineArray, Mask
@@ -65,13 +75,14 @@ def read_with_linuxcnc(
 def _program(source: str, calls: CanonicalCalls, *, assumed: bool, from_zero: bool) -> Program:
     """Make the program; ``assumed``: there is no tool table."""
     table, columns = calls.rows, sorted_calls(calls)
-    ends = np.ascontiguousarray(table[columns.rows, 3:6])
-    state = ReadingState(source, UnreadWords(source))
+    ends = np.ascontiguousarray(table[columns.rows, 3:12])
+    state = ReadingState(source, UnreadWords(source), carried=len(AXES))
     _note_axes(state, columns.line, ends)
     if not from_zero:
         _stand(state, columns, ends)
     keep = np.empty(columns.kind.size, dtype=np.uint8)
-    core.reader_merge_short_moves(keep.size, ends, columns.kind == canon.ARC, ZERO_LENGTH_MM, state.position, keep)
+    arc = columns.kind == canon.ARC
+    core.reader_merge_short_moves(keep.size, ends.shape[1], ends, arc, ZERO_LENGTH_MM, state.position, keep)
     kept = keep == 1
     counts = np.zeros(len(table), dtype=np.int64)
     counts[columns.rows[kept]] = 1
@@ -98,10 +109,14 @@ def _columns(
     arcs = np.flatnonzero(called == canon.ARC)
     kind[arcs] = ARC
     normal = np.array([2, 2, 0, 1], dtype=np.uint8)[table[:, -1].astype(np.int64)]
-    centre, sweep = np.full(end.shape, np.nan), np.zeros(called.size)
-    centre[arcs], sweep[arcs] = _arcs(start[arcs], end[arcs], normal[arcs], table[arcs, 12:15])
+    centre, sweep = np.full((called.size, 3), np.nan), np.zeros(called.size)
+    centre[arcs], sweep[arcs] = _arcs(start[arcs, :3], end[arcs, :3], normal[arcs], table[arcs, 12:15])
     exact = np.isin(state[:, PATH_MODE], _EXACT)
-    feed = np.where(kind == RAPID, np.inf, columns.feed[kept])
+    along = arc_lengths(start[arcs], end[arcs], centre[arcs], normal[arcs], sweep[arcs])
+    # Of a move in degrees alone F is in degrees, which inches do not change.
+    turns = feed_lengths(start, end, arcs, along)[1] == ANGULAR
+    feed = np.where(turns, columns.feed[kept] / unit_mm(state), columns.feed[kept])
+    feed[kind == RAPID] = np.inf
     return MoveColumns(
         columns.line[kept], kind, end, centre, normal, sweep, feed, exact,
         np.where(exact, 0.0, tolerances[kept, 0]), np.where(exact, np.nan, tolerances[kept, 1]),

@@ -45,7 +45,7 @@ def events_and_tolerances(
             found.append((place, Event(line, kind, 0.0, int(after[place]), text)))
         if ("G", "64") in words:
             place = np.searchsorted(columns.rows, row)
-            unit = unit_mm(columns.state[min(place, len(columns.state) - 1)]) if len(columns.state) else 1.0
+            unit = float(unit_mm(columns.state[min(place, len(columns.state) - 1)])) if len(columns.state) else 1.0
             tolerances[place:] = _blend(calls, line, words, unit)
     for row in np.flatnonzero(table[:, 0] == canon.DWELL).tolist():
         place = np.searchsorted(columns.marks, row) - 1

@@ -114,13 +114,13 @@ class TestMoves:
         text = "G20\nG10 L2 P2 X1\nG55\nG0 X0 Y0\nG1 X1 F60\nG3 X2 Y1 I0 J1\nG18 G2 X3 Z0 I0.5 K0\nG92 X0\nG1 X1\nM2\n"
         program = read_with_linuxcnc(written(tmp_path, text))
         assert program.line.tolist() == [5, 6, 7, 9]
-        assert program.start[0].tolist() == pytest.approx([25.4, 0.0, 0.0])
+        assert program.start[0].tolist() == pytest.approx([25.4, *[0.0] * 8])
         assert program.end[:, 0] == pytest.approx([50.8, 76.2, 101.6, 127.0])
         assert program.sweep == pytest.approx([0.0, np.pi / 2, -np.pi, 0.0])
         assert program.centre[1] == pytest.approx([50.8, 25.4, 0.0])
         assert program.normal[1:3].tolist() == [2, 1]
         assert program.feed == pytest.approx(np.full(4, 25.4))
-        assert program.axis_lines.tolist() == [4, 6, 0]
+        assert program.axis_lines.tolist() == [4, 6, *[0] * 7]
 
     @pytest.mark.parametrize(
         ("text", "feed"),
@@ -130,6 +130,11 @@ class TestMoves:
             ("M3 S300\nG95 F0.2\nG1 X10\n", 1.0),
             ("G20 G95\nM3 S120\nG1 X1 F0.01\n", 0.508),
             ("M3 S60\nG33 X10 K1.5\n", 1.5),
+            ("F360\nG1 A90\n", 6.0),
+            ("G20\nF60\nG1 A90\n", 1.0),
+            ("G93\nG1 A90 F2\n", 3.0),
+            ("G93\nG1 X3 A90 F2\n", 0.1),
+            ("G20\nF60\nG1 U1 A90\n", 25.4),
         ],
     )
     def test_feeds(self, tmp_path, text, feed):
@@ -139,7 +144,7 @@ class TestMoves:
     def test_turns_and_helices(self, tmp_path):
         program = read_with_linuxcnc(written(tmp_path, "F600\nG2 X0 Y0 Z-3 I5 P3\nG3 X10 I5\nM2\n"))
         assert program.sweep == pytest.approx([-6.0 * np.pi, np.pi])
-        assert program.end[0].tolist() == pytest.approx([0.0, 0.0, -3.0])
+        assert program.end[0, :3].tolist() == pytest.approx([0.0, 0.0, -3.0])
 
     def test_path_modes_and_tolerances(self, tmp_path):
         text = "F600\nG1 X1\nG64 P0.02\nX2\nG61\nX3\nG64 P0\nX4\nG20\nG64 P0.001 Q0.0001\nX5\nM2\n"
@@ -166,23 +171,23 @@ class TestMoves:
     def test_tools(self, tmp_path):
         path = written(tmp_path, "T3 M6\nG43\nG1 Z0 F100\nT12 M6\nG43 H12\nG1 X0 Z0\nM2\n")
         program = read_with_linuxcnc(path, tools={3: Tool((0.0, 0.0, 40.0), 6.0), 12: Tool((1.0, 0.0, 7.5))})
-        assert program.end == pytest.approx(np.array([[0.0, 0.0, 40.0], [1.0, 0.0, 7.5]]))
+        assert program.end[:, :3] == pytest.approx(np.array([[0.0, 0.0, 40.0], [1.0, 0.0, 7.5]]))
         without = read_with_linuxcnc(path)
         assert len(without) == 0
         assert "the length of tool 12" in without.notes[0]
 
     def test_where_the_first_rapid_leads_the_machine_stood_before(self, tmp_path):
         path = written(tmp_path, "G0 X10 Y5\nZ3\nG1 X20 F100\nG91 G0 Y1\nM2\n")
-        assert read_with_linuxcnc(path).start[0].tolist() == [10.0, 5.0, 3.0]
+        assert read_with_linuxcnc(path).start[0, :3].tolist() == [10.0, 5.0, 3.0]
         theirs = read_with_linuxcnc(path, from_zero=True)
-        assert theirs.start[0].tolist() == [0.0, 0.0, 0.0]
+        assert not theirs.start[0].any()
         assert len(theirs) == 4
 
     def test_splines_are_chords(self, tmp_path):
         path = written(tmp_path, "F100\nG5 X10 Y10 I3 J0 P-3 Q0\nM2\n")
         program = read_with_linuxcnc(path)
         assert len(program) == 60
-        assert program.end[-1].tolist() == pytest.approx([10.0, 10.0, 0.0])
+        assert program.end[-1, :3].tolist() == pytest.approx([10.0, 10.0, 0.0])
         assert program.notes[-1] == "read by LinuxCNC's interpreter: splines are its chords"
         assert load_curve(path, reader="rs274").length == pytest.approx(program.lengths.sum(), rel=1e-3)
 
@@ -224,6 +229,18 @@ class TestRefusals:
         with pytest.raises(InputError, match=r"^bad.ngc:3: G2X4: LinuxCNC refuses it"):
             read_with_linuxcnc(written(tmp_path, "F100\nO<bad> call\nM2\n"))
 
+    @pytest.mark.parametrize(
+        ("text", "message"),
+        [
+            ("F60\nG43.1 Z3\nG1 X1\nG20\nF2\nG49\nM2\n", "part.ngc:6: G49: the tool length was taken in other units"),
+            ("F60\nG2 X2 I1\nT1 M6\nM2\n", "part.ngc:3: T1M6: an arc ends where the tool is changed"),
+        ],
+    )
+    def test_what_the_interpreter_would_have_to_ask_a_machine(self, tmp_path, text, message):
+        with pytest.raises(InputError) as problem:
+            read_with_linuxcnc(written(tmp_path, text))
+        assert str(problem.value).startswith(message)
+
     def test_a_loop_that_never_ends_is_ended(self, tmp_path):
         path = written(tmp_path, "O1 while [1]\n#1=2\nO1 endwhile\nM2\n")
         with pytest.raises(
@@ -259,5 +276,5 @@ def test_the_moves_are_those_that_rs274_prints(tmp_path):
         if "STRAIGHT_" in line
     ]
     moved = [end for before, end in zip([[0.0] * 3, *printed], printed, strict=False) if end != before]
-    assert read_with_linuxcnc(path, from_zero=True).end == pytest.approx(np.array(moved))
+    assert read_with_linuxcnc(path, from_zero=True).end[:, :3] == pytest.approx(np.array(moved))
     assert len(moved) == 9

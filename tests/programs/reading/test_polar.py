@@ -31,7 +31,9 @@ class TestPolar:
         p = read("F600\nG0 X10 Y0 Z5\nG91 G81 ^60 Z-2 R-3 L6\nG80\nM2\n")
         holes = p.end[p.kind == 1]
         angle = np.radians(60.0 * np.arange(1, 7))
-        assert holes[:, :3] == pytest.approx(np.column_stack([10 * np.cos(angle), 10 * np.sin(angle), np.zeros(6)]), abs=1e-12)
+        assert holes[:, :3] == pytest.approx(
+            np.column_stack([10 * np.cos(angle), 10 * np.sin(angle), np.zeros(6)]), abs=1e-12
+        )
         assert set(p.line.tolist()) == {3}
 
     @pytest.mark.parametrize(
