@@ -75,6 +75,8 @@ def _note_machine(track: ProgramTrack, row: int) -> None:
     motion = track.modal[MOTION][row]
     if motion not in (0, 10):
         _refuse(track, track.blocks.g[ONCE], row, "machine coordinates need G0 or G1")
+    if track.modal[DISTANCE][row] != 900 and track.kind[row] >= RAPID:
+        _refuse(track, track.blocks.g[ONCE], row, "machine coordinates are absolute; write G90 before")
     code = SYSTEM_CODES[state.offsets.active]
     if not state.offsets.is_known(code):
         state.offsets.assume(f"the origin of G{code / 10:g} on the machine, for G53", int(track.blocks.line[row]))
@@ -172,7 +174,7 @@ def _set_offsets(track: ProgramTrack, row: int) -> None:
     if level is None or which is None:
         return  # refused already
     if level == 1.0:
-        tool = state.offsets.written.setdefault(int(which), origin())
+        tool = state.offsets.to_write(int(which))
         if which < 1 or which != int(which):
             _refuse(track, blocks.letters["P"], row, "the number of a tool must be a whole number of at least 1")
         for axis, number in enumerate(numbers):

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.geometry.curve import AXES
-from planner.programs.reading.language import DISTANCE, FEED_MODE, MOTION, PLANE, RETRACT
+from planner.programs.reading.language import DISTANCE, FEED_MODE, MOTION, PLANE, RETRACT, SPINDLE
 from planner.programs.reading.modal import CycleSeries
 from planner.programs.reading.positions import ProgramTrack, SideMove, block_numbers
 from planner.programs.reading.program import LINE, RAPID, ZERO_LENGTH_MM
@@ -72,6 +72,18 @@ _PECKS = (730, 830)
 _DWELLS = (820, 860, 890)
 
 
+# How the spindle turns, M3 or M4.
+_SPINDLE = {740: (4,), 840: (3,), 860: (3, 4)}
+_SPINDLE_SAID = {740: "M4", 840: "M3", 860: "M3 or M4"}
+
+
+def _spindle(track: ProgramTrack, row: int) -> int:
+    """The word of the spindle in force at a block."""
+    column = track.blocks.m[SPINDLE]
+    rows = np.flatnonzero(column.given[: row + 1] & np.isin(column.value[: row + 1], (3, 4, 5)))
+    return int(column.value[rows[-1]]) if rows.size else track.state.spindle_code
+
+
 @dataclass(frozen=True)
 class _Hole:
     """What the words of a block, and those kept from the block before, say of a cycle; mm and s."""
@@ -120,6 +132,12 @@ def _hole(track: ProgramTrack, row: int, series: CycleSeries, normal: int, code:
         reason = "a cycle is repeated at least once; L must be > 0"
     elif code in _PECKS and numbers["Q"] <= 0.0:
         reason = "the depth Q of a peck must be > 0"
+    elif code in _SPINDLE and (turning := _spindle(track, row)) not in _SPINDLE[code]:
+        reason = (
+            f"a cycle G{code // 10} needs a spindle that turns, {_SPINDLE_SAID[code]}"
+            if turning == 5
+            else (f"the spindle turns the other way; a cycle G{code // 10} needs {_SPINDLE_SAID[code]}")
+        )
     elif track.modal[FEED_MODE][row] != 940:
         reason = "a cycle needs a feed in units a minute, G94"
     if reason:

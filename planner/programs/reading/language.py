@@ -44,7 +44,8 @@ G_WORDS: dict[int, LanguageWord] = {
     **_same((382, 383, 384, 385), LanguageWord(MOTION, AXIS_LETTERS)),
     800: LanguageWord(MOTION),
     **_same((810, 850), LanguageWord(MOTION, "XYZRL")),
-    **_same((740, 820, 840, 860, 890), LanguageWord(MOTION, "XYZRLP")),
+    740: LanguageWord(MOTION, "XYZRP"),
+    **_same((820, 840, 860, 890), LanguageWord(MOTION, "XYZRLP")),
     **_same((730, 830), LanguageWord(MOTION, "XYZRLQ")),
     40: LanguageWord(ONCE, "P", "P"),
     100: LanguageWord(ONCE, f"LP{AXIS_LETTERS}R", "LP"),
@@ -71,7 +72,7 @@ G_WORDS: dict[int, LanguageWord] = {
 }
 
 PROBES = (382, 383, 384, 385)
-CYCLES = tuple(code for code, word in G_WORDS.items() if word.group == MOTION and "L" in word.takes)
+CYCLES = (730, 740, 810, 820, 830, 840, 850, 860, 890)
 
 M_WORDS: dict[int, LanguageWord] = {
     **_same((0, 1, 2, 30, 60), LanguageWord(STOP)),

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import re
+from math import isnan
 
 from planner.geometry.curve import AXES, ROTARY_AXES
 from planner.programs.reading.expressions import ParameterKey
-from planner.programs.reading.language import DISTANCE, FEED_MODE, UNITS
+from planner.programs.reading.language import DISTANCE, FEED_MODE, MOTION, PLANE, UNITS
 from planner.programs.reading.modal import INCH_MM, ReadingState
 from planner.programs.reading.offsets import SYSTEM_CODES
 
 _NAMES = (
     *(f"_{axis.lower()}" for axis in AXES),
     *("_metric", "_imperial", "_absolute", "_incremental", "_inverse_time", "_coord_system", "_current_tool"),
+    *("_selected_tool", "_plane", "_motion_mode", "_feed", "_rpm"),
 )
 # A line that asks for one of them, for a number that is computed, for where the tool stands, or for what is in force.
 ASKS = re.compile(rf"#(?:5[1-4]\d\d|50[67]\d|\[|#|<(?:{'|'.join(_NAMES)})>)|[@^]|M7[0-3](?!\d)", re.IGNORECASE)
@@ -37,8 +39,14 @@ def machine_parameter(key: ParameterKey, state: ReadingState) -> float | None:
             "_inverse_time": float(state.modal[FEED_MODE] == 930),
             "_coord_system": float(SYSTEM_CODES[offsets.active]),
             "_current_tool": float(state.loaded),
+            "_selected_tool": float(state.selected),
+            "_plane": float(state.modal[PLANE]),
+            "_motion_mode": float(state.modal[MOTION]),
+            "_feed": state.feed * 60.0 / unit,
+            "_rpm": 0.0 if isnan(state.spindle) else state.spindle,
         }
-        return named.get(key)
+        value = named.get(key)
+        return None if value is None or isnan(value) else value
     if key == _TRIPPED:
         return None if state.probed is None else 0.0  # no probe was seen, as where LinuxCNC previews a program
     if key == 5220:

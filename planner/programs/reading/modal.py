@@ -247,7 +247,6 @@ def carry_feeds(
     faults.add(word[cuts & per_minute & (feed == 0.0)], "the feed is 0; F must be > 0")
     faults.add(word[cuts & ~per_minute & ~f.given], "G93 needs an F in every block that cuts")
     faults.add(f.at(cuts & ~per_minute & (f.value == 0.0)), "must be > 0")
-    faults.add(f.at(~cuts & ~per_minute), "under G93 an F belongs to a block with G1, G2 or G3")
     return feed, angular, np.where(cuts & ~per_minute & f.given, f.value / 60.0, np.nan)
 
 

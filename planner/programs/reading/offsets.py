@@ -81,6 +81,13 @@ class Offsets:
         found[: len(self.given[number].offset)] = self.given[number].offset
         return found
 
+    def to_write(self, number: int) -> FloatArray:
+        """Offset of a tool that G10 L1 changes in some axes, (9,); of the others it is that of the table."""
+        if number not in self.written:
+            found = self.of_tool(number)
+            self.written[number] = origin() if found is None else found.copy()
+        return self.written[number]
+
     def assume(self, what: str, line: int) -> None:
         """Note that something the program does not say was taken for 0."""
         self.assumed.setdefault(what, line)

@@ -26,6 +26,8 @@ def without_polar(
     place = next(iter(polar.values()))[2:]
     said = text[place[0] : place[1]]
     codes = {value for letter, value, _, _ in words if letter == "G"}
+    if not ((machine("_plane") == 170.0 and not codes & {18.0, 19.0}) or 17.0 in codes):
+        raise LineError(said, "polar coordinates are in the plane G17, which is not in force")
     if any(word[0] in "XY" for word in words):
         raise LineError(said, "polar coordinates stand in place of X and Y, not beside them")
     if codes & {20.0, 21.0, 53.0}:

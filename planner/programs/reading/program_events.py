@@ -11,6 +11,7 @@ from planner.programs.reading.positions import ProgramTrack
 from planner.programs.reading.program import Event
 
 _DWELL = 40
+_TURNING = (3, 4, 5)
 _STOP_KINDS = {0: "stop", 1: "optional_stop", 2: "end", 30: "end", 60: "stop"}
 
 
@@ -47,7 +48,7 @@ def add_events(track: ProgramTrack, moves: MovesOfPart) -> None:
             note("spindle", text(spindle, speed), before)
         if speed.given[row]:
             state.spindle = float(speed.value[row])
-        if spindle.given[row]:
+        if spindle.given[row] and spindle.value[row] in _TURNING:
             state.spindle_code = int(spindle.value[row])
         if coolant.given[row]:
             note("coolant", text(coolant), before)

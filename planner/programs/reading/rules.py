@@ -26,7 +26,7 @@ from planner.programs.reading.positions import CYCLE
 from planner.programs.reading.program import ARC, LINE, RAPID
 from planner.programs.reading.words import LineArray, Mask
 
-_DWELL = 40
+_DWELL, _INPUT = 40, 66
 _NAMES_SHOWN = 8
 # Words whose words of axes are no end of a move.
 _TAKE_AXES = {
@@ -80,6 +80,8 @@ def check_words(blocks: Blocks, motion: LineArray, kind: LineArray) -> None:
     faults.add(r.at((r.value == 0.0) & np.isin(motion, (20, 30))), "the radius must not be 0")
     faults.add(r.at(blocks.any_of("IJK")), "an arc has a radius R or a centre I, J, K, not both")
     faults.add(q.at(blend & ~p.given), "needs the tolerance P beside it")
+    inputs = blocks.m[SIGNAL].has(_INPUT)
+    faults.add(blocks.m[SIGNAL].at(inputs & ~p.given & ~letters["E"].given), "needs the number of an input, P or E")
     for column, letter, table in (
         *((column, "G", G_WORDS) for column in blocks.g), *((column, "M", M_WORDS) for column in blocks.m)
     ):  # fmt: skip

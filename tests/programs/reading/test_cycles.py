@@ -27,11 +27,11 @@ class TestEachCycle:
 
     @pytest.mark.parametrize("code", ["G82", "G86"])
     def test_with_a_dwell(self, read, code):
-        p = read(START + f"{code} X1 Z-3 R1 P0.5\nX2" + END)
+        p = read("M3\n" + START + f"{code} X1 Z-3 R1 P0.5\nX2" + END)
         one = [("R", 1, 0, 5), ("R", 1, 0, 1), ("L", 1, 0, -3), ("R", 1, 0, 5)]
         assert moves(p) == one + [(kind, 2, y, z) for kind, _, y, z in one]
         dwells = [(e.line, e.seconds, e.after_move) for e in p.events if e.kind == "dwell"]
-        assert dwells == [(4, 0.5, 3), (5, 0.5, 7)]
+        assert dwells == [(5, 0.5, 3), (6, 0.5, 7)]
 
     def test_pecks_that_clear_the_chips(self, read):
         p = read(START + "G83 X1 Z-3 R1 Q1.5" + END)
@@ -67,9 +67,9 @@ class TestEachCycle:
         assert [(e.seconds, e.after_move) for e in p.events if e.kind == "dwell"] == [(2.0, 3)]
         assert p.stop_after[3]
 
-    @pytest.mark.parametrize("code", ["G74", "G84"])
-    def test_tapping(self, read, code):
-        p = read(START + f"{code} X1 Z-3 R1" + END)
+    @pytest.mark.parametrize(("code", "turn"), [("G74", "M4"), ("G84", "M3")])
+    def test_tapping(self, read, code, turn):
+        p = read(f"{turn} S100\n" + START + f"{code} X1 Z-3 R1" + END)
         assert moves(p)[2:] == [("L", 1, 0, -3), ("L", 1, 0, 5)]
 
 

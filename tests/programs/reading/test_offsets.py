@@ -65,7 +65,7 @@ class TestShift:
         assert p.end[:, 0].tolist() == [106, 101]
 
     def test_machine_coordinates_know_no_shift(self, read):
-        p = read("F60\nG10 L2 P1 X100 Z-5\nG1 X1 Z1\nG91 G53 G0 X3\nG90 G1 X1" + END)
+        p = read("F60\nG10 L2 P1 X100 Z-5\nG1 X1 Z1\nG53 G0 X3\nG1 X1" + END)
         assert p.end[:, :3].tolist() == [[101, 0, -4], [3, 0, -4], [101, 0, -4]]
         assert p.kind.tolist() == [LINE, RAPID, LINE]
 

@@ -47,7 +47,15 @@ REFUSED = {
     "F0\nG1 X1\nM2": "2: G1: the feed is 0; F must be > 0",
     "G1 X1 F-5\nM2": "1: F-5: must not be negative",
     "G93\nG1 X1 F2\nX2\nM2": "3: X2: G93 needs an F in every block that cuts",
-    "G93 F2\nM2": "1: F2: under G93 an F belongs to a block with G1, G2 or G3",
+    "G91 F60\nG53 G1 X1\nM2": "2: G53: machine coordinates are absolute; write G90 before",
+    "M66\nM2": "1: M66: needs the number of an input, P or E",
+    "F60\nG84 X1 Z-1 R1\nM2": "2: X1: a cycle G84 needs a spindle that turns, M3",
+    "F60 M4\nG84 X1 Z-1 R1\nM2": "2: X1: the spindle turns the other way; a cycle G84 needs M3",
+    "F60\nG86 X1 Z-1 R1 P1\nM2": "2: X1: a cycle G86 needs a spindle that turns, M3 or M4",
+    "F60 M4\nG74 X1 Z-1 R1 L2\nM2": (
+        "2: L2: belongs to a word that is not in the block; it is read beside G10, M66, G81, G85, G82, G84, G86, G89 ..."
+    ),
+    "G18 F60\nG1 @1 ^2\nM2": "2: @1: polar coordinates are in the plane G17, which is not in force",
     "G93 G1 X1 F0\nM2": "1: F0: must be > 0",
     "F60\nG93 G1 X1 F2\nG94 X2\nM2": "3: X2: no feed is given; F is missing",
     "G0 G1 X1 F60\nM2": "1: G1: G0 of the same modal group is in the block already",
