@@ -206,7 +206,7 @@ class Motion:
         return np.asarray(norm(slope) * rates[0])
 
 
-class _Points:
+class _SpanPoints:
     """Points of spans, in arrays that are filled again and again.
 
     Attributes
@@ -228,7 +228,7 @@ class _Points:
         return d, None if p is d else p
 
 
-class Look(_Points):
+class Look(_SpanPoints):
     """Some spans, at places that may be others each time."""
 
     def __init__(self, motion: Motion, span: IntArray, x: FloatArray) -> None:
@@ -243,7 +243,7 @@ class Look(_Points):
         return self.derivatives()
 
 
-class Sweep(_Points):
+class Sweep(_SpanPoints):
     """All spans, one window after the other.
 
     Attributes
