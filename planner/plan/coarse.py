@@ -7,13 +7,15 @@ where the jerk switches, and is the law whose time is the coordinate of what fol
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
+from planner.law import TimeLaw
 from planner.plan.guess import breaks_inside
 from planner.plan.section import Section
 from planner.plan.stage import Attempt, Stage, Task
-from planner.plan.time_knots import TimeGrid, place_in_time
+from planner.plan.time_knots import JerkChanges, TimeGrid, place_in_time
 from planner.plan.time_map import TimeMap
 
 DEFAULT_INTERVALS = 1000
@@ -66,6 +68,16 @@ class Coarse:
         spent = attempt.work.solve_cpu_s + (before.spent if before else 0.0)
         return cls(stage, replace(attempt, waypoint=None), spent)
 
+    @cached_property
+    def law(self) -> TimeLaw:
+        """The law of the plan."""
+        return self.stage.time_law(self.attempt)
+
+    @cached_property
+    def changes(self) -> JerkChanges:
+        """Where its jerk changes."""
+        return self.stage.jerk_changes(self.attempt, self.law)
+
     def first_stage(self, task: Task, effort: Effort, most: int, *, follow: bool) -> Stage:
         """The grid to begin with."""
         return Stage.on(task, self.placed(task, effort, effort.intervals, most, follow=follow))
@@ -74,15 +86,13 @@ class Coarse:
         self, task: Task, effort: Effort, intervals: int, most: int, *, follow: bool, even: bool = False
     ) -> TimeGrid:
         """A grid on the map of this plan."""
-        law = self.stage.time_law(self.attempt)
-        changes = self.stage.jerk_changes(self.attempt, law)
         if effort.free and not even:
             per_change = _PER_CHANGE[task.points_inside(self.stage.grid.map)]
-            intervals = int(np.clip(per_change * changes.change.sum(), intervals, _MAX_FOR_CHANGES * intervals))
+            intervals = int(np.clip(per_change * self.changes.change.sum(), intervals, _MAX_FOR_CHANGES * intervals))
         return place_in_time(
             task.section,
-            law,
-            changes,
+            self.law,
+            self.changes,
             min(intervals, most),
             guess=task.guess,
             even=even,
@@ -108,8 +118,7 @@ def coarse_plan(task: Task, effort: Effort, most: int, *, follow: bool) -> Coars
     between = max(least, wanted // _COARSER_EVEN, min(2 * wanted, needed))
     grid = found.placed(task, effort, between, most, follow=follow, even=True)
     found = Coarse.solved(task, Stage.on(task, grid), found, _EVEN_GAP)
-    changes = float(found.stage.jerk_changes(found.attempt, found.stage.time_law(found.attempt)).change.sum())
-    told = min(round(_TO_TELL * changes), 2 * wanted if effort.free else wanted, most)
+    told = min(round(_TO_TELL * float(found.changes.change.sum())), 2 * wanted if effort.free else wanted, most)
     if found.stage.problem.inner == task.inner and told > 1.5 * between:
         grid = found.placed(task, effort, told, most, follow=follow, even=True)
         found = Coarse.solved(task, Stage.on(task, grid), found, _EVEN_GAP)

@@ -42,7 +42,7 @@ _MAX_WIDER = 1.5  # than the density has them: the growth away from where knots 
 ROUNDING_SHARE = 2e-6
 _SLIVER = 1e-9  # of the whole
 _PER_ENTRY = 0.25  # of the time in which acceleration makes up the feed at an end
-_PER_INTERVAL = 4  # cells in which the density is known, an interval
+_PER_INTERVAL = 6  # cells in which the density is known, an interval
 # Switches closer to a break or to one another than this share of the mean interval are one place.
 _APART = 0.2
 # Where there are more of them than this share of the intervals, the grid is too coarse to tell them.
