@@ -87,6 +87,12 @@ void speed_law_in_step(int64_t n, const uint8_t *kind, const double *time, doubl
 void speed_law_table(int64_t n, const uint8_t *kind, const double *time, const double *advance, const double *u,
                      const double *rate, const double *acceleration, int64_t kept, double *table, double *steps);
 
+/* Into count (cells + 1) the accumulated number of intervals at a spacing in each cell, between edges fine (cells + 1): spacing
+ * times a scale, most at most, and no more than growth times the distance beyond that of any other cell; so scaled, rounds times,
+ * that intervals come out, but what most asks for comes on top.  grown (cells) is work. */
+void time_knots_count(int64_t cells, const double *fine, const double *spacing, const double *most, double intervals,
+                      double growth, int64_t rounds, double max_wider, double *grown, double *count);
+
 /* The parameter at n places sigma of their macros, (n) each, on a map as above; into path (5, n) u, the first three derivatives of
  * the piece's own parameter v, and v; u is not a number where it follows from v.  left (n): where the path is to be taken from
  * the left. */

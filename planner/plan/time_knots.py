@@ -9,7 +9,7 @@ coarser grid found (``switches.py``):
 2.  The switches that were located have a double knot each, as the breaks of the path do.
 3.  Neighbouring spacings stay within a factor of about 2; beside a curvature jump knots are no further apart than a period,
     since the plan has only half of the jerk there.
-4.  Every two dozen intervals a macro of the map ends, at a double knot.
+4.  Every forty intervals or so a macro of the map ends, at a double knot.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.compiled import core
 from planner.law import TimeLaw
 from planner.plan.ends import Feed
 from planner.plan.guess import FeedGuess, breaks_inside, least_times
@@ -30,11 +31,11 @@ from planner.plan.time_map import TimeMap
 from planner.sets import union
 from planner.types import FloatArray, IntArray
 
-_PER_MACRO = 24
+_PER_MACRO = 40
 # Share of the knots that go where the jerk changes.
-_CHANGES = 0.45
+_CHANGES = 0.5
 # An interval's change may be anywhere in it, or begin in the next: it is spread so far beyond either end, in its lengths.
-_BEYOND = 0.5
+_BEYOND = 0.4
 # |d spacing / d time| that keeps neighbours within a factor 2, and how often the spacings are scaled to give their number
 _GROWTH, _SCALINGS = 0.5, 4
 _MAX_WIDER = 1.5  # than the density has them: the growth away from where knots are close may take more than all
@@ -173,9 +174,9 @@ def place_in_time(
         if isinstance(end, Feed):  # a slow one changes by its own size in the time that acceleration takes for it
             most[at] = max(min(most[at], _PER_ENTRY * guess.feed[at] / guess.acceleration[at]), least[at])
     spacing = np.maximum(spacing, np.minimum(least, 0.8 * mean))
-    count = _counted(fine, middle, spacing, most, intervals)
+    count = _counted(fine, spacing, most, intervals)
     at = np.interp(ends, fine, count)
-    parts = np.maximum(1, np.rint(np.diff(at))).astype(np.intp)
+    parts = _whole(np.diff(at), max(intervals, round(float(count[-1]))) if np.isfinite(most).any() else intervals)
     k = np.repeat(np.arange(parts.size), parts)
     j = np.arange(k.size) - np.repeat(np.cumsum(parts) - parts, parts)
     knots = np.interp(at[k] + np.diff(at)[k] * j / parts[k], count, fine)
@@ -224,17 +225,22 @@ def _rates(changes: JerkChanges, ends: FloatArray) -> tuple[FloatArray, FloatArr
     return edges, np.maximum(np.cumsum(steps)[:-1], 0.0)
 
 
+def _whole(shares: FloatArray, total: int) -> IntArray:
+    """Whole numbers, 1 at least, near the shares; where their sum is beyond the total, less of those rounded up most."""
+    parts = np.maximum(1, np.rint(shares)).astype(np.intp)
+    over = int(parts.sum()) - total
+    if over > 0:
+        order = np.argsort(shares - parts, kind="stable")
+        parts[order[parts[order] > 1][:over]] -= 1
+    return parts
+
+
 def _counted(
-    fine: FloatArray, middle: FloatArray, spacing: FloatArray, most: FloatArray, intervals: float
+    fine: FloatArray, spacing: FloatArray, most: FloatArray, intervals: float, scalings: int = _SCALINGS
 ) -> FloatArray:
     """Accumulated number of intervals (k + 1,) at these spacings of the cells, each in the growth of its neighbours."""
-    step, scale, held = np.diff(fine), 1.0, bool(np.isfinite(most).any())
-    # what must be closer than the density has it comes on top
-    intervals = intervals + float(np.sum(step * np.maximum(1.0 / most - 1.0 / spacing, 0.0)))
-    for _ in range(_SCALINGS):
-        grown = np.minimum(scale * spacing, most)
-        for flip, ramp in ((slice(None), _GROWTH * middle), (slice(None, None, -1), _GROWTH * (fine[-1] - middle))):
-            grown[flip] = np.minimum.accumulate((grown - ramp)[flip]) + ramp[flip]
-        count = np.concatenate([[0.0], np.cumsum(step / grown)])
-        scale = min(scale * count[-1] / intervals, _MAX_WIDER if held else np.inf)
+    count = np.empty(fine.size)
+    core.time_knots_count(
+        *(spacing.size, fine, spacing, most, intervals, _GROWTH, scalings, _MAX_WIDER, np.empty(spacing.size), count)
+    )
     return count

@@ -8,6 +8,7 @@ from problems import laid_out
 from planner import load_curve, plan_feedrate
 from planner.law import TimeLaw
 from planner.machine.limits import Limits
+from planner.plan import time_knots
 from planner.plan.guess import breaks_inside, guess_feed
 from planner.plan.section import cut
 from planner.plan.time_knots import JerkChanges, place_in_time
@@ -117,3 +118,33 @@ def test_split_halves_the_intervals_asked_for_and_a_renewed_grid_keeps_its_knots
     assert renewed.map.span == law.t[-1]
     assert set(time) <= set(renewed.sigma)
     assert renewed.at_breaks.sum() == 3
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_intervals_are_counted_as_by_the_lower_envelope_of_all_ramps(held):
+    """Against every pair of cells: a spacing is no more than that of another plus the growth over the distance."""
+    rng = np.random.default_rng(3)
+    fine = np.append(0.0, np.cumsum(rng.uniform(0.5, 1.5, 80)))
+    middle, step = 0.5 * (fine[1:] + fine[:-1]), np.diff(fine)
+    spacing = np.exp(rng.uniform(-3.0, 1.0, 80))
+    most = np.where(rng.uniform(size=80) < 0.1, 0.1, np.inf) if held else np.full(80, np.inf)
+    wanted, scale = 50.0 + np.sum(step * np.maximum(1.0 / most - 1.0 / spacing, 0.0)), 1.0
+    for rounds in (1, 2, 3):
+        ramps = np.minimum(scale * spacing, most)[:, None] + time_knots._GROWTH * np.abs(middle[:, None] - middle)
+        counted = np.append(0.0, np.cumsum(step / ramps.min(axis=0)))
+        found = time_knots._counted(fine, spacing, most, 50.0, rounds)
+        assert found == pytest.approx(counted, rel=1e-12)
+        scale *= counted[-1] / wanted
+        scale = min(scale, time_knots._MAX_WIDER) if held else scale
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_stretches_share_the_intervals_and_no_more(seed):
+    rng = np.random.default_rng(seed)
+    shares = rng.uniform(0.1, 6.0, 30)
+    total = round(shares.sum())
+    parts = time_knots._whole(shares, total)
+    assert parts.min() >= 1
+    assert parts.sum() <= total
+    assert (np.abs(parts - np.maximum(shares, 1.0)) <= 1.0).all()
+    assert time_knots._whole(np.array([1.6, 2.7, 0.2]), 5).tolist() == [1, 3, 1]
