@@ -15,14 +15,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from planner.compiled import core
 from planner.geometry.curve import Curve
-from planner.geometry.differential import chain_rule, norm
 from planner.machine.limits import Limits
 from planner.profile import BINDING_SHARE, FeedrateProfile
 from planner.quantity import CHORD_ERROR, FEED, NONE, with_label
 from planner.types import FloatArray, IntArray
 from planner.verify.motion import Quintics, measure_points
-from planner.verify.quantities import ALONG, names, sizes_of
+from planner.verify.quantities import names
 
 BINDING_TOLERANCE = 1e-3  # of a limit
 # What rounding on another machine may do to the columns: to arc length against that of the curve, to feed against the
@@ -55,10 +55,10 @@ class ImpliedColumn:
     @property
     def used(self) -> FloatArray:
         """Difference over what is granted, (n,)."""
-        with np.errstate(over="ignore", invalid="ignore"):
-            off = np.abs(self.shown - self.expected)
-            shares = np.divide(off, self.granted, out=np.where(off > 0.0, np.inf, 0.0), where=self.granted > 0.0)
-        return np.asarray(np.nan_to_num(shares, nan=np.inf, posinf=np.inf))
+        shown, expected, granted = map(np.ascontiguousarray, (self.shown, self.expected, self.granted))
+        used = np.empty(shown.size)
+        core.columns_used(used.size, shown, expected, granted, used)
+        return used
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +68,7 @@ class Nodes:
     curve: Curve
     profile: FeedrateProfile
     left: FloatArray
-    tip: FloatArray
+    bend: FloatArray  # curvature of the path of the tip, inf where it rests
     values: FloatArray
     slack: FloatArray
     terms: FloatArray  # (3, n): sizes of the terms that feed, acceleration and jerk of the tip are sums of
@@ -87,13 +87,9 @@ class Nodes:
         third = law.rates(interval, left[:, None].astype(np.float64))[2, :, 0]
         rates = np.ascontiguousarray(np.stack([profile.u_rate, profile.u_acceleration, third])[:, :, None])
         values, slack = measure_points(d, tip, tip is d, rates, np.ascontiguousarray(law.slack[interval]))
-        p1, p2, p3 = (norm(tip[k]) for k in (1, 2, 3))
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            u1, u2, u3 = np.abs(rates[:, :, 0])
-            turn = np.where(p1 > 0.0, p2**2 / p1, 0.0)
-            terms = np.stack(chain_rule(p1, p2, p3 + turn, u1, u2, u3))
-        values[np.ix_(ALONG, p1 == 0.0)] = 0.0  # along the path nothing changes where the tip rests in the parameter
-        return cls(curve, profile, left, tip, values[:, :, 0], slack[:, :, 0], terms)
+        terms, bend = np.empty((3, u.size)), np.empty(u.size)
+        core.columns_terms(u.size, tip.shape[2], tip, rates, values, terms, bend)
+        return cls(curve, profile, left, bend, values[:, :, 0], slack[:, :, 0], terms)
 
     def columns(self) -> Iterator[ImpliedColumn]:
         """Arc length, feed, acceleration and jerk along the path."""
@@ -117,7 +113,7 @@ class Nodes:
     def _uses(self, limits: Limits) -> tuple[list[str], FloatArray, FloatArray]:
         """Names of the limits (k), how much of each is used and what rounding can change in that, (k, n)."""
         profile, curve = self.profile, self.curve
-        size, count = sizes_of(self.values), profile.t.size
+        feed, count = np.abs(self.values[0]), profile.t.size
         caps: FloatArray | float = limits.feed
         if curve.feed_caps is not None:
             u = np.clip(profile.u, *curve.domain)
@@ -125,19 +121,22 @@ class Nodes:
             caps = np.where(np.isinf(own), limits.rapid, np.minimum(limits.feed, own))
         slowed = _slowed(profile) if profile.slowed else np.float64(1.0)
         # Of the chord its length, not its error.
-        chord = _chord_share(_bend(self.tip), size[0] * limits.period, limits.chord_error)
+        chord = _chord_share(self.bend, feed * limits.period, limits.chord_error)
         rows = [(row, with_label(name), j) for row, (name, j) in enumerate(names(curve.dim))]
         others = [(row, quantity, j) for row, quantity, j in rows if quantity is not None and quantity is not FEED]
         labels = [NONE, FEED.label, CHORD_ERROR.label]
-        share, slack = np.zeros((2, len(labels) + len(others), count))
+        first = len(labels)
+        share, slack = np.empty((2, first + len(others), count))
+        slack[:first] = 0.0
         with np.errstate(over="ignore", invalid="ignore"):
-            share[0], share[1], share[2] = BINDING_SHARE, size[0] / caps * slowed, chord * slowed
-            for at, (row, quantity, j) in enumerate(others, start=len(labels)):
-                rate, allowed = slowed**quantity.power, limits.of(quantity)[max(j, 0)]
-                np.divide(size[row] * rate, allowed, out=share[at])
-                np.divide(self.slack[row] * rate, allowed, out=slack[at])
-                labels.append(quantity.of(curve.axes[j] if j >= 0 else ""))
-        return labels, np.fmin(np.fmax(share, 0.0), _HUGE), np.fmin(np.fmax(slack, 0.0), _HUGE)
+            share[0], share[1], share[2] = BINDING_SHARE, feed / caps * slowed, chord * slowed
+        share[:first] = np.fmin(np.fmax(share[:first], 0.0), _HUGE)
+        allowed = np.array([float(limits.of(quantity)[max(j, 0)]) for _, quantity, j in others])
+        rate = np.stack([slowed**quantity.power for _, quantity, _ in others]) if profile.slowed else None
+        on = np.array([row for row, *_ in others])
+        core.columns_shares(count, on.size, on, allowed, rate, self.values, self.slack, share[first:], slack[first:])
+        labels += [quantity.of(curve.axes[j] if j >= 0 else "") for _, quantity, j in others]
+        return labels, share, slack
 
     def misnamed(self, limits: Limits) -> IntArray:
         """Nodes at which another limit is used more than the one that is named."""
@@ -145,11 +144,10 @@ class Nodes:
         labels, every, slack = self._uses(limits)
         row = np.array([labels.index(name) if name in labels else -1 for name in profile.limit_names])
         known = (profile.binding >= 0) & (profile.binding < len(profile.limit_names))
-        at = row[np.where(known, profile.binding, 0)]
-        named = np.where(at >= 0, every[at, np.arange(profile.t.size)], -np.inf)
-        near = np.where(every >= named - BINDING_TOLERANCE, slack, 0.0)
-        granted = BINDING_TOLERANCE + _SLACKS * near.max(axis=0)
-        return np.flatnonzero(~known | ~(named >= every.max(axis=0) - granted))
+        at = np.where(known, row[np.where(known, profile.binding, 0)], -1)
+        wrong = np.empty(at.size, dtype=np.bool_)
+        core.columns_misnamed(at.size, every.shape[0], every, slack, at, BINDING_TOLERANCE, _SLACKS, wrong)
+        return np.flatnonzero(wrong)
 
 
 def _slowed(profile: FeedrateProfile) -> FloatArray:
@@ -158,14 +156,6 @@ def _slowed(profile: FeedrateProfile) -> FloatArray:
     for node, value in profile.slowed:
         factor[node:] = value
     return factor
-
-
-def _bend(tip: FloatArray) -> FloatArray:
-    """Curvature from the part of the second derivative that lies across the first; inf where the tip rests."""
-    square = np.sum(tip[1] ** 2, axis=-1)
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        across = tip[2] - (np.sum(tip[1] * tip[2], axis=-1) / square)[:, None] * tip[1]
-        return np.where(square > 0.0, norm(across) / square, np.inf)
 
 
 def _chord_share(bend: FloatArray, chord: FloatArray, allowed: float) -> FloatArray:

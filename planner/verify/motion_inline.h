@@ -35,9 +35,9 @@ typedef struct {
 
 typedef struct {
     Points value[ROWS], granted[ROWS];
-    /* Of the tip: acceleration across its path, INFINITY where it goes back; rate at which its direction turns, INFINITY where it has
-     * none; sizes of its jerk along the path and across it. */
-    Points across, swing, jolt[2];
+    /* Squares, of the tip: of the acceleration across its path, INFINITY where it goes back, and along it; of the rate at which its direction
+     * turns, INFINITY where it has none; of its jerk along the path and across it. */
+    Points across, along, swing, jolt[2];
 } Quantities;
 
 /* The arrays of a pass: derivatives of axes d (4, points, dim) and tip p (4, points, tip; NULL: the same), rates (3, points), and
@@ -57,15 +57,31 @@ typedef struct {
     Points jolt; /* square of the jerk */
 } Tip;
 
+/* Coordinates of so many points, one after the other, each into a row of its own. */
+INLINED void rows_load(int64_t dim, const double *from, int64_t count, Points *row)
+{
+    if (dim == 2) /* most curves: the compiler makes vectors of both at once */
+        for (int64_t k = 0; k < count; k++) {
+            row[0][k] = from[2 * k];
+            row[1][k] = from[2 * k + 1];
+        }
+    else if (dim == 3)
+        for (int64_t k = 0; k < count; k++) {
+            row[0][k] = from[3 * k];
+            row[1][k] = from[3 * k + 1];
+            row[2][k] = from[3 * k + 2];
+        }
+    else
+        for (int64_t k = 0; k < count; k++)
+            for (int64_t j = 0; j < dim; j++)
+                row[j][k] = from[k * dim + j];
+}
+
 INLINED void path_load(Path *path, int64_t points, int64_t dim, const double *d, int64_t first, int64_t count)
 {
     path->dim = dim;
-    for (int order = 0; order < 3; order++) {
-        const double *from = d + ((order + 1) * points + first) * dim;
-        for (int64_t k = 0; k < count; k++)
-            for (int64_t j = 0; j < dim; j++)
-                path->q[order][j][k] = from[k * dim + j];
-    }
+    for (int order = 0; order < 3; order++)
+        rows_load(dim, d + ((order + 1) * points + first) * dim, count, path->q[order]);
 }
 
 /* What the chain rule takes of the rates is the same for every coordinate. */
@@ -146,6 +162,9 @@ INLINED void tip_sums(const Path *path, int64_t j, int64_t count, int64_t apart,
     }
 }
 
+/* What is no number is infinite. */
+static inline double bounded(double size) { return size < INFINITY ? size : INFINITY; }
+
 /* Feed, tangential acceleration and jerk.  A cartesian tip is made of the axes, which have been measured.
  *
  * Along the tip p with unit tangent t:  s' = p'.t,  s'' = p''.t,  s''' = p'''.t + p''.t', where p''.t' = |n|^2 u'^3 / |p_u|
@@ -174,11 +193,11 @@ INLINED void measure_tip(const Path *path, int cartesian, const Rates *rates, in
         out->granted[FEED][k] = tip.speed[k] * rates->off1[k];
         out->granted[ALONG_ACCELERATION][k] = sqrt(tip.off2[k]);
         out->granted[ALONG_JERK][k] = sqrt(tip.off3[k]) + turn * rates->off_cube[k];
-        const double normal = sqrt(tip.turn[k]);
-        out->across[k] = u1 >= 0.0 ? normal * rates->square[k] : INFINITY;
-        out->swing[k] = tip.speed[k] > 0.0 ? normal * tip.scale[k] * fabs(u1) : INFINITY;
-        out->jolt[0][k] = fabs(tip.third[k]);
-        out->jolt[1][k] = sqrt(larger(tip.jolt[k] - square(tip.third[k]), 0.0));
+        out->across[k] = bounded(u1 >= 0.0 ? tip.turn[k] * square(rates->square[k]) : INFINITY);
+        out->along[k] = bounded(square(tip.second[k]));
+        out->swing[k] = bounded(tip.speed[k] > 0.0 ? tip.turn[k] * square(tip.scale[k] * u1) : INFINITY);
+        out->jolt[0][k] = bounded(square(tip.third[k]));
+        out->jolt[1][k] = bounded(tip.jolt[k] - square(tip.third[k]));
     }
 }
 
@@ -189,13 +208,12 @@ INLINED void measure_block(const States *states, int64_t first, int64_t count, Q
     Rates rates;
     const int64_t dim = states->dim, points = states->points;
     path_load(&axes, points, dim, states->d, first, count);
-    const double *slack = states->slack + first / states->each * 3;
-    for (int64_t k = 0, within = first % states->each; k < count; k++) {
-        rates.off1[k] = slack[0], rates.off2[k] = slack[1], rates.off3[k] = slack[2];
-        if (++within == states->each) {
-            within = 0;
-            slack += 3;
-        }
+    for (int64_t k = 0, point = first; k < count;) {
+        const double *slack = states->slack + point / states->each * 3, off1 = slack[0], off2 = slack[1], off3 = slack[2];
+        const int64_t rest = states->each - point % states->each, end = k + rest < count ? k + rest : count;
+        point += end - k;
+        for (; k < end; k++)
+            rates.off1[k] = off1, rates.off2[k] = off2, rates.off3[k] = off3;
     }
     for (int64_t k = 0; k < count; k++) {
         rates.u1[k] = states->rates[first + k];

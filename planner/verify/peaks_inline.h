@@ -4,44 +4,54 @@
 
 #include "planner/core.h"
 
-enum { PEAK_LANES = 8 };
+/* Vectors that GCC and Clang have in C, made of narrower ones where the processor has none so wide.  No functions take
+ * them: they are passed in other ways by processors that have them. */
+enum { FOUR = 4 };
+typedef double Four __attribute__((vector_size(8 * FOUR)));
+typedef int64_t FourBits __attribute__((vector_size(8 * FOUR)));
+/* Anywhere in an array of numbers. */
+typedef double FourAnywhere __attribute__((vector_size(8 * FOUR), aligned(8), may_alias));
+#define FOUR_AT(address) ((Four) * (const FourAnywhere *)(address))
+#define FOUR_OF(mask, a, b) ((Four)(((FourBits)(a) & (mask)) | ((FourBits)(b) & ~(mask))))
+#define FOUR_LARGER(a, b) FOUR_OF((b) > (a), b, a)
 
-/* The highest of the first count lanes, a power of two. */
-static inline __attribute__((always_inline)) double highest_lane(int count, double *lanes)
+/* The highest of n numbers and of one more. */
+static inline __attribute__((always_inline)) double highest_number(int64_t n, const double *heights, double most)
 {
-    for (int half = count / 2; half > 0; half /= 2)
-        for (int l = 0; l < half; l++)
-            lanes[l] = larger(lanes[l], lanes[l + half]);
-    return lanes[0];
+    int64_t k = 0;
+    if (n >= 2 * FOUR) { /* two rows of lanes, for one would wait for every comparison */
+        Four top = FOUR_AT(heights), other = FOUR_AT(heights + FOUR);
+        for (k = 2 * FOUR; k + 2 * FOUR <= n; k += 2 * FOUR) {
+            const Four next = FOUR_AT(heights + k), after = FOUR_AT(heights + k + FOUR);
+            top = FOUR_LARGER(top, next);
+            other = FOUR_LARGER(other, after);
+        }
+        top = FOUR_LARGER(top, other);
+        most = larger(most, larger(larger(top[0], top[1]), larger(top[2], top[3])));
+    }
+    for (; k < n; k++)
+        most = larger(most, heights[k]);
+    return most;
 }
 
 /* Index of the highest, of equal ones the first. */
 static inline __attribute__((always_inline)) int64_t highest(int64_t n, const double *heights)
 {
-    /* First how high, then where: each lane has its own maximum, for one of all would wait for every comparison. */
-    double most = heights[0];
-    int64_t k = 1;
-    if (n >= PEAK_LANES) {
-        double top[PEAK_LANES];
-        for (int l = 0; l < PEAK_LANES; l++)
-            top[l] = heights[l];
-        for (k = PEAK_LANES; k + PEAK_LANES <= n; k += PEAK_LANES)
-            for (int l = 0; l < PEAK_LANES; l++)
-                top[l] = larger(top[l], heights[k + l]);
-        most = highest_lane(PEAK_LANES, top);
+    const double most = highest_number(n, heights, heights[0]);
+    /* From the end on, so that the first stays; no branch depends on where it is, for a processor guesses that wrong. */
+    int64_t at = n, whole = n / FOUR * FOUR;
+    for (int64_t k = n - 1; k >= whole; k--)
+        at = heights[k] == most ? k : at;
+    FourBits first = {n, n, n, n}, here = {whole, whole + 1, whole + 2, whole + 3};
+    for (int64_t k = whole - FOUR; k >= 0; k -= FOUR) {
+        const Four next = FOUR_AT(heights + k);
+        here -= FOUR;
+        const FourBits is = next == most;
+        first = (here & is) | (first & ~is);
     }
-    for (; k < n; k++)
-        most = larger(most, heights[k]);
-    for (k = 0; k + PEAK_LANES <= n; k += PEAK_LANES) {
-        int found = 0;
-        for (int l = 0; l < PEAK_LANES; l++)
-            found |= heights[k + l] == most;
-        if (found)
-            break;
-    }
-    while (k < n && heights[k] != most)
-        k++;
-    return k < n ? k : 0; /* most is no number only where the first is none */
+    for (int l = 0; l < FOUR; l++)
+        at = first[l] < at ? first[l] : at;
+    return at < n ? at : 0; /* most is no number only where the first is none */
 }
 
 /* Height of the highest point, or where it lies inside, of the parabola through it and its neighbours. */

@@ -45,27 +45,12 @@ static void end_of_tip(const States *states, int64_t point, double *row)
     }
 }
 
-static inline double size_of(double value)
-{
-    const double size = fabs(value);
-    return size < INFINITY ? size : INFINITY; /* also of what is not a number */
-}
-
-/* Raise the sizes of a span's course to those of a block of its points. */
+/* Raise the squares of a span's course to those of a block of its points. */
 INLINED void course_raise(const Quantities *block, int64_t count, double *course)
 {
-    const double *of[COURSE_SIZES] = {block->across, block->value[ALONG_ACCELERATION], block->swing, block->jolt[0],
-                                      block->jolt[1]};
-    for (int row = 0; row < COURSE_SIZES; row++) {
-        double top[PEAK_LANES] = {0.0};
-        int64_t k = 0;
-        for (; k + PEAK_LANES <= count; k += PEAK_LANES)
-            for (int l = 0; l < PEAK_LANES; l++)
-                top[l] = larger(top[l], size_of(of[row][k + l]));
-        for (; k < count; k++)
-            top[0] = larger(top[0], size_of(of[row][k]));
-        course[row] = larger(course[row], highest_lane(PEAK_LANES, top));
-    }
+    const double *of[COURSE_SIZES] = {block->across, block->along, block->swing, block->jolt[0], block->jolt[1]};
+    for (int row = 0; row < COURSE_SIZES; row++)
+        course[row] = highest_number(count, of[row], course[row]);
 }
 
 /* The mean jerk of every axis from the first to the last point of a span, into every spans-th number. */
@@ -120,6 +105,8 @@ INLINED void scan_points(const States *states, int64_t i, int64_t at, int64_t k,
             found->feed_place[at] = x[first + top];
         }
     }
+    for (int row = 0; row < COURSE_SIZES; row++)
+        own[row] = sqrt(own[row]);
 }
 
 /* Keep the highest of what a span uses. */

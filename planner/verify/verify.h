@@ -70,6 +70,24 @@ void scan_measure(const double *table, int64_t spans, const int64_t *interval, c
 void scan_used(int64_t n, int64_t k, int64_t dim, int64_t tip, const double *rates, const double *slack, const int64_t *row,
                double *used, const double *d, const double *p);
 
+/* At n nodes, from the derivatives p (4, n, tip) of the tool tip and the time derivatives of u, rates (3, n): write the sizes of the terms
+ * that feed, acceleration and jerk are sums of, terms (3, n), and the curvature, bend (n).  values (4 + 3 dim, n) are those of
+ * motion_measure, whose rates along the path become 0 where the tip rests in the parameter. */
+void columns_terms(int64_t n, int64_t tip, const double *p, const double *rates, double *values, double *terms, double *bend);
+
+/* Write the difference of what is shown and expected over what is granted, used (n); infinite where it is no number. */
+void columns_used(int64_t n, const double *shown, const double *expected, const double *granted, double *used);
+
+/* Write how much is used of k limits, each on the quantity of a row, shares (k, n), and what rounding can change in that, slack (k, n):
+ * 0 where it is no number.  rate (k, n) multiplies values and granted, (4 + 3 dim, n), where it is not NULL. */
+void columns_shares(int64_t n, int64_t k, const int64_t *row, const double *allowed, const double *rate, const double *values,
+                    const double *granted, double *shares, double *slack);
+
+/* Write which nodes (n) name a limit of which less is used than of another of the k; returns how many.  named (n): -1 for none; granted
+ * is the tolerance, and so many slacks of the limits that are used as much. */
+int64_t columns_misnamed(int64_t n, int64_t k, const double *shares, const double *slack, const int64_t *named,
+                         double tolerance, double slacks, uint8_t *wrong);
+
 /* Write what no chord of a period within windows (n) of time, each from .. to, both ascending, can be left by: bound (n), further than
  * by rounding.  Of all spans: time (2, spans) their begin and end, course as scan_measure writes it with so many points.  turning: the
  * tip is made of the axes, so that it has a direction wherever the curve has one.  work: 5 numbers a

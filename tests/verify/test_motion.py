@@ -9,6 +9,7 @@ from check_plans import plan_on
 
 from planner.compiled import core
 from planner.geometry.chord import distance_to_chord
+from planner.geometry.differential import chain_rule
 from planner.verify.meanjerk import gaps_around
 from planner.verify.motion import Motion, Quintics, measure_points
 from planner.verify.peaks import CANDIDATES, Highest, peaks
@@ -381,3 +382,53 @@ def test_fewer_than_there_is_room_for_are_all_kept():
     assert highest.least == -np.inf
     assert highest.index.tolist() == [[1, 2, 0]]
     assert highest.x.tolist() == [[0.3, 0.2, 0.1]]
+
+
+def test_compiled_terms_of_columns_are_those_of_array_arithmetic():
+    rng = np.random.default_rng(8)
+    count, dim = 40, 3
+    p, rates = rng.normal(size=(4, count, dim)), rng.normal(size=(3, count))
+    p[1, ::7] = 0.0
+    values = rng.normal(size=(4 + 3 * dim, count))
+    before, terms, bend = values.copy(), np.empty((3, count)), np.empty(count)
+    core.columns_terms(count, dim, p, rates, values, terms, bend)
+    first, second, third = np.linalg.norm(p[1:], axis=-1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        turn = np.where(first > 0.0, second**2 / first, 0.0)
+        across = p[2] - (np.sum(p[1] * p[2], axis=-1) / first**2)[:, None] * p[1]
+        expected = np.where(first > 0.0, np.linalg.norm(across, axis=-1) / first**2, np.inf)
+    assert terms == pytest.approx(np.stack(chain_rule(first, second, third + turn, *np.abs(rates))), rel=1e-13)
+    assert bend == pytest.approx(expected, rel=1e-12)
+    before[1:3, first == 0.0] = 0.0
+    assert (values == before).all()
+
+
+def test_what_a_column_uses_is_infinite_where_it_is_no_number():
+    shown, expected = np.array([1.0, 2.0, np.nan, 1.0, 5.0, np.inf]), np.array([1.5, 2.0, 1.0, np.inf, 4.0, np.inf])
+    granted, used = np.array([1.0, 0.0, 1.0, 1.0, 0.0, 1.0]), np.empty(6)
+    core.columns_used(6, shown, expected, granted, used)
+    assert used.tolist() == [0.5, 0.0, np.inf, np.inf, np.inf, np.inf]
+
+
+def test_compiled_shares_and_the_limit_used_most_are_those_of_array_arithmetic():
+    rng = np.random.default_rng(9)
+    count, rows, tolerance, slacks = 300, np.array([1, REVERSAL, 5, 9]), 1e-3, 4.0
+    values, granted = rng.normal(size=(10, count)), 1e-3 * rng.uniform(size=(10, count))
+    values[5, 3], granted[9, 4], values[1, 5] = np.nan, np.inf, np.inf
+    allowed, rate = np.array([1.0, 2.0, np.inf, 0.5]), rng.uniform(1.0, 1.1, (4, count))
+    share, slack = np.empty((2, 4, count))
+    core.columns_shares(count, 4, rows, allowed, rate, values, granted, share, slack)
+    sizes = np.abs(values[rows])
+    sizes[1] = values[REVERSAL]
+    largest = np.finfo(np.float64).max
+    expected = [np.fmin(np.fmax(part * rate / allowed[:, None], 0.0), largest) for part in (sizes, granted[rows])]
+    assert share == pytest.approx(expected[0], rel=1e-15)
+    assert slack == pytest.approx(expected[1], rel=1e-15)
+    named, wrong = rng.integers(-1, 4, count), np.empty(count, dtype=np.bool_)
+    found = core.columns_misnamed(count, 4, share, slack, named, tolerance, slacks, wrong)
+    own = np.where(named >= 0, share[named, np.arange(count)], -np.inf)
+    near = np.where(share >= own - tolerance, slack, 0.0).max(axis=0)
+    with np.errstate(over="ignore"):
+        others = share.max(axis=0) - (tolerance + slacks * near)
+    assert (wrong == ((named < 0) | ~(own >= others))).all()
+    assert 0 < found == wrong.sum() < count

@@ -327,7 +327,7 @@ def test_the_check_knows_nothing_of_the_planner():
         "planner.types.IntArray",
         # held by oracles of their own, tests/geometry/test_differential.py and test_chord.py
         "planner.geometry.chord.distance_to_chord",
-        *(f"planner.geometry.differential.{name}" for name in ("chain_rule", "curvature", "dot", "norm")),
+        *(f"planner.geometry.differential.{name}" for name in ("curvature", "dot", "norm")),
         "planner.inputs.require_instance",
         "planner.machine.limits.Limits",
         "planner.machine.limits.require_limits",
