@@ -183,6 +183,12 @@ def _drawing() -> tuple[bytes, tuple[int, int]]:
     space.add_lwpolyline([(4, 6, 0, 0, 0.3), (0, 8, 0, 0, 0), (0, 12, 0, 0, 0)])
     points, knots = [(0, 12, 0), (1, 14, 0), (3, 14, 0), (4, 12, 0)], [0, 0, 0, 0, 1, 1, 1, 1]
     space.add_rational_spline(points, [1, 2, 1, 1], degree=3, knots=knots)
+    space.add_ellipse((7, 12), (3, 0), 0.5, np.pi, 2 * np.pi)
+    space.add_spline([(10, 12), (12, 14), (14, 12)])
+    space.add_polyline2d([(14, 12, 0.2), (15, 10, 0.0), (16, 10, 0.0)], format="xyb")
+    document.blocks.new("part").add_line((0, 0), (1, 1))
+    space.add_blockref("part", (16, 10), dxfattribs={"xscale": 2.0, "rotation": 30.0})
+    space.add_text("made by hand")
     text = io.StringIO()
     document.write(text)
     data = text.getvalue().encode()

@@ -29,7 +29,7 @@ _LETTERS = "XYZABCUV"
 _BASES = {VELOCITY: 110, ACCELERATION: 120, JERK: 800}
 _PER_MINUTE = {VELOCITY: 1.0 / 60.0, ACCELERATION: 1.0, JERK: 1.0}
 _DEVIATION = 11
-_SETTING = re.compile(r"(?:\[?\$(\d+)\s*=)\s*([^\s(;/\]]*)(.*)", re.ASCII)
+_SETTING = re.compile(r"(?:\[?\$(\d{1,6})\s*=)\s*([^\s(;/\]]*)(.*)", re.ASCII)
 _BESIDE = re.compile(r"(ok$|>|\$\$|\$[A-Za-z][\w/]*=|\$N\d+=|[Gg]rbl|\[.*\]$|<.*>$|[;#(]|//)", re.ASCII)
 _AGAIN = "send $$ to the controller again"
 

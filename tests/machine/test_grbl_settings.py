@@ -163,6 +163,12 @@ def test_a_garbled_byte_is_refused_or_changes_no_limit(tmp_path):
         ("$112=900.000", "$112=900.000\n$112=90", "12: $112: is given twice, first in line 11; leave one"),
         (
             "$112=900.000",
+            f"${'1' * 5000}=900.000",
+            f'11: ${"1" * 56}...: is neither a setting such as "$110=5000" nor what a controller says beside them; the dump '
+            "is cut or garbled: send $$ to the controller again",
+        ),
+        (
+            "$112=900.000",
             "#112=900.000\nG1 X3",
             '12: G1 X3: is neither a setting such as "$110=5000" nor what a controller says beside them; the dump is cut or '
             "garbled: send $$ to the controller again",

@@ -571,3 +571,65 @@ class TestWhatAProgramCountsOn:
         out_file = tmp_path / "plan.csv"
         assert run("plan", file, *options[:-1], "-o", out_file)[0] == 0
         assert run("check", out_file, file, *options[:-1])[0] == 0
+
+    def test_a_machine_file_with_homes_and_offsets(self, run, tmp_path):
+        file, shop, table = tmp_path / "part.ngc", tmp_path / "shop.toml", tmp_path / "plan.csv"
+        file.write_text("G21 G90 F1200\nG0 X0 Y0 Z5\nG1 X9\nT2 M6\nG0 X0 Z5\nG28 Z9\nM2\n")
+        shop.write_text(
+            "feed_m_min = 6\n"
+            + "".join(
+                f'[[axis]]\nname = "{axis}"\nvelocity_m_min = 12\nacceleration_m_s2 = 2\njerk_mm_s3 = inf\n'
+                for axis in "XYZ"
+            )
+            + "[program]\nhome_mm = { Z = 40 }\ntool_change_mm = { X = -30 }\n"
+        )
+        with_jerk = ("--machine", shop, "--jerk-mm-s3", "30000")
+        code, out, _ = run("time", file, *with_jerk, "--json")
+        facts = strict_json(out)
+        assert code == 0
+        assert facts["machine"] == f"{shop} (jerk 30000 mm/s^3 given for X Y Z)"
+        # the rapid of M6, from X9 to X-30; that of G28, up to 9 and on to the home
+        assert {row["line"]: row["length_mm"] for row in facts["lines"]} == {
+            2: 0.0, 3: 9.0, 4: 39.0, 5: 30.0, 6: 35.0,
+        }  # fmt: skip
+        assert facts["tool_changes"] == 1
+        assert facts["notes"] == []
+        assert run("plan", file, *with_jerk, "-o", table)[0] == 0
+        assert run("check", table, file, *with_jerk)[0] == 0
+        assert run("check", table, file, "--setup", shop)[0] == 0
+        assert run("replay", table, file, "--setup", shop)[0] == 0
+        assert run("report", table, file, "--setup", shop, "-o", tmp_path / "page.html")[0] == 0
+        to_ngc = ("ngc", file, "--table", table, "-o", tmp_path / "out.ngc")
+        assert run(*to_ngc, "--setup", shop, "--tolerance-mm", "0.02")[0] == 0
+        code, _, err = run("check", table, file)
+        assert code == 2
+        assert flat(err).endswith(
+            "a program that counts on homes or offsets of a machine file needs that file too (--setup)"
+        )
+        code, _, err = run(*to_ngc, "--jerk-mm-s3", "5")
+        assert code == 2
+        assert "leave --machine, --feed-mm-s and --jerk-mm-s3 out" in err
+
+
+def test_a_chain_of_a_drawing_by_every_command(run, tmp_path):
+    import ezdxf
+
+    document = ezdxf.new("R2010")
+    document.header["$INSUNITS"] = 4
+    for radius, layer in ((20, "outer"), (10, "inner")):
+        document.modelspace().add_circle((0, 0), radius, dxfattribs={"layer": layer})
+    file, table = tmp_path / "part.dxf", tmp_path / "plan.csv"
+    document.saveas(file)
+    code, _, err = run("plan", file)
+    assert code == 2
+    assert "part.dxf: the drawing has 2 chains; choose one by its number (--chain, chain=)" in err
+    code, out, _ = run("plan", file, "--chain", "2", "-o", table)
+    assert code == 0
+    assert "drawing chain 2 of 2: CIRCLE" in flat(out)
+    for which in (("--chain", "2"), ("--layer", "inner")):
+        assert run("check", table, file, *which)[0] == 0
+    assert run("replay", table, file, "--chain", "2")[0] == 0
+    assert run("report", table, file, "--chain", "2", "-o", tmp_path / "page.html")[0] == 0
+    assert run("ngc", file, "--layer", "inner", "-o", tmp_path / "out.ngc")[0] == 0
+    assert run("ngc", file, "--table", table, "--chain", "2", "-o", tmp_path / "out.ngc")[0] == 0
+    assert run("compare", file, "--chain", "2", "--methods", "scurve")[0] == 0
