@@ -65,8 +65,7 @@ class DrawnNumbers:
 
     def require_sound(self) -> DrawnNumbers:
         """Refuse what is no number, or no number of a drawing."""
-        if not (np.abs(self.rows[:, :3]) <= MAX_COORDINATE).all():
-            raise CurveError(f"{self.label}: its coordinates must be finite, and lie within {MAX_COORDINATE:g} mm of 0")
+        _require_near(self.rows[:, :3], self.label)
         if not np.isfinite([*self.numbers, *self.rows[:, 3:].reshape(-1)]).all():
             raise CurveError(f"{self.label}: its radius, angles, bulges, knots and weights must be finite")
         if self.kind == "ARC" and not 0.0 < self.numbers[0] <= MAX_COORDINATE:
@@ -124,6 +123,11 @@ def numbers_of(entity: Any, label: str) -> DrawnNumbers:
         raise CurveError(f"{label} cannot be read ({shorten(str(problem))}); the file is damaged") from None
 
 
+def _require_near(points: FloatArray, label: str) -> None:
+    if not (np.abs(points) <= MAX_COORDINATE).all():
+        raise CurveError(f"{label}: its coordinates must be finite, and lie within {MAX_COORDINATE:g} mm of 0")
+
+
 def _array(point: Any) -> FloatArray:
     return np.array([float(c) for c in point], dtype=np.float64)
 
@@ -151,7 +155,8 @@ def _ellipse(entity: Any, label: str) -> DrawnNumbers:
     """Centre + cos t major + sin t minor, where minor = ratio times (extrusion x major)."""
     dxf = entity.dxf
     major, normal = _array(dxf.major_axis), _array(dxf.extrusion)
-    minor = float(dxf.ratio) * np.cross(normal / np.linalg.norm(normal), major)
+    _require_near(np.array([major, normal]), label)
+    minor = float(dxf.ratio) * np.cross(normal / (float(np.linalg.norm(normal)) or 1.0), major)
     first, last = float(dxf.start_param), float(dxf.end_param)
     sweep = float((last - first) % (2.0 * np.pi))
     # As files say a full turn: from 0 to 6.283185307179586, or 6.28318530718.
@@ -202,6 +207,7 @@ def _fitted_spline(entity: Any, label: str) -> DrawnNumbers:
     Its knots are the lengths of the chords; its ends have the tangents that are given for both, else no second derivative.
     """
     points = np.array([_array(point) for point in entity.fit_points]).reshape(-1, 3)
+    _require_near(points, label)
     if len(points) < 2:
         raise CurveError(f"{label} has neither control points nor fit points; the file is damaged")
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)

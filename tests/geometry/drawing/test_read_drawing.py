@@ -277,6 +277,18 @@ class TestDrawingsRefused:
         [
             (lambda space: space.add_line((0, 0), (1e12, 0)), "coordinates must be finite, and lie within 1e\\+09 mm"),
             (lambda space: space.add_line((0, 0), (float("nan"), 0)), "coordinates must be finite"),
+            (
+                lambda space: space.add_ellipse((0, 0), (1e200, 0), 0.5),
+                "ELLIPSE #\\w+: its coordinates must be finite, and lie",
+            ),
+            (
+                lambda space: space.add_ellipse((float("nan"), 0), (1, 0), 0.5),
+                "ELLIPSE #\\w+: its coordinates must be finite",
+            ),
+            (
+                lambda space: space.add_spline([(0, 0), (1e200, 0)]),
+                "SPLINE #\\w+: its coordinates must be finite, and lie",
+            ),
             (lambda space: space.add_circle((0, 0), -3), "radius = -3.0 must be > 0"),
             (lambda space: space.add_circle((0, 0), float("inf")), "must be finite"),
             (
