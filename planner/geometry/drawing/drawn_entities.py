@@ -170,9 +170,12 @@ def _inserted(
 ) -> Iterator[_PlacedEntity]:
     """The entities of an inserted block, as often as it is inserted."""
     from ezdxf.lldxf.const import DXFError
+    from ezdxf.xclip import XClip
 
     try:
         insert, block = found.entity, found.entity.block()
+        clip = XClip(insert)
+        clipped = bool(clip.has_clipping_path and clip.is_clipping_enabled)
         name = str(insert.dxf.name)
         copies = insert.multi_insert() if insert.mcount > 1 else iter([insert])
         content = None if block is None else list(block)
@@ -181,6 +184,10 @@ def _inserted(
         raise CurveError(f"{found.label} cannot be read ({shorten(str(problem))}); the file is damaged") from None
     if name in place.blocks:
         raise CurveError(f"{found.label}: block {shorten(name)} inserts itself; delete the insertion in it")
+    if clipped:
+        raise CurveError(
+            f"{found.label}: block {shorten(name)} is shown in part (XCLIP); explode it and trim its paths"
+        )
     if content is None or elsewhere:
         where = "is of another drawing; bind it" if elsewhere else "is not in the drawing; delete the insertion"
         raise CurveError(f"{found.label}: block {shorten(name)} {where}")

@@ -306,6 +306,17 @@ class TestInsertedBlocks:
         with pytest.raises(CurveError, match=message):
             read(lambda space: space.add_blockref("part", (0, 0)), blocks)
 
+    def test_a_block_that_is_shown_in_part_is_not_read_as_a_whole(self, read):
+        from ezdxf.xclip import XClip
+
+        def add(space):
+            XClip(space.add_blockref("part", (0, 0))).set_block_clipping_path([(0, 0), (5, 5)])
+
+        with pytest.raises(
+            CurveError, match=r"INSERT #\w+: block part is shown in part \(XCLIP\); explode it and trim"
+        ):
+            read(add, {"part": leaf})
+
     def test_blocks_of_blocks_of_blocks_end(self, read, monkeypatch):
         monkeypatch.setattr(drawn_entities, "_MAX_INSERTIONS", 500)
         grid = {"row_count": 20, "column_count": 20, "row_spacing": 1, "column_spacing": 1}
