@@ -75,12 +75,13 @@ def difference(theirs: Program, ours: Program) -> str:
     """The first thing that is not the same in two programs; empty where there is none."""
     count = min(len(theirs), len(ours))
     rows = slice(0, count)
-    radius = np.linalg.norm(theirs.start[rows] - theirs.centre[rows], axis=1)
-    arc = theirs.kind[rows] == ARC
-    # Under G93 the feed is that of the length of an arc, of which the radii at both ends make a spiral.
-    allowed = np.where(arc, WITHIN_MM / theirs.lengths[rows], FEED_SHARE) * np.where(
-        np.isinf(theirs.feed[rows]), 0.0, theirs.feed[rows]
-    )
+    arc, at = theirs.kind[rows] == ARC, [theirs.start[rows, :3], theirs.end[rows, :3]]
+    flat = np.eye(3)[theirs.normal[rows]] == 0.0
+    radius, last = (np.linalg.norm(np.where(flat, point - theirs.centre[rows], 0.0), axis=1) for point in at)
+    # Under G93 the feed is that of the length of an arc, which LinuxCNC counts at the radius of its start.
+    off_by = WITHIN_MM + np.abs(last - radius) * np.abs(theirs.sweep[rows])
+    share = np.where(arc, off_by / theirs.lengths[rows], FEED_SHARE)
+    allowed = share * np.where(np.isinf(theirs.feed[rows]), 0.0, theirs.feed[rows])
     with np.errstate(invalid="ignore"):
         off = {
             "kind": theirs.kind[rows] != ours.kind[rows],

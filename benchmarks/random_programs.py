@@ -19,15 +19,15 @@ DOUBTFUL = (
     "G1 XSQRT[-1]", "G1 X[LN[0]]", "G10 L2 P12 X1", "G10 L7 P1 X1", "G10 P1 X1", "G81 X1 Z-1", "G81 X1 R1",
     "G83 X1 Z-1 R1", "G83 X1 Z-1 R1 Q0", "G82 X1 Z-1 R1", "G81 X1 Z5 R1", "G43 H55", "T55 M6", "G1 G28 X1", "G92",
     "G53 X1", "G53 G2 X1 I1", "G38.2", "M3 M4", "M7 M8", "M3 M8", "G17 G18", "G90 G91", "G1 XX1", "G1 X", "X1e3",
-    "G1 X--2", "G1 X1.2.3", "G1 X1 (open", "G1 X1 )", "G1 X1 Q3", "G1 X1 R2", "G1 I2", "P1", "R1", "L2", "H3", "Q1",
+    "G1 X1.2.3", "G1 X1 (open", "G1 X1 )", "G1 X1 Q3", "G1 X1 R2", "G1 I2", "P1", "R1", "L2", "H3", "Q1",
     "G64 Q0.1", "G64 P-1", "G61 P1", "O999 endif", "O999 break", "M98 P777", "G1 X#5700", "G1 X#0", "#1=", "#33",
     "G5.9", "G123", "M123456", "M-1", "G-1", "N1.5 G0 X1", "G0 N5 X1", "G0.99999 X1", "G1 X1 M30", "M6", "G43.1",
     "G43 X1", "G92.1 X1", "G28 G0 X1", "F-1", "S-5", "T-1", "T1.5", "G17.5", "G2 X0 Y0 I0", "G2 X1 I0.5 P0",
     "G2 X1 I0.5 P1.5", "G20 G21", "G54 G55", "G43 G49", "G98 G99", "G94 G93", "M0 M1", "G4 P1 X1",
-    "G18 G2 X1 Z1 J1", "G91 G81 X1 Z-1 R1 L0", "G0 X1 Y2 Z3 G4 P1", "^30", "@5 X1", "M72", "M71", "$H",
-    "G1 X1 H", "G 1 X 2", "G1X1Y", "g01x1y-.5", "G1 X1.", "G1 X-", "G1 X.", "G1 X+-3", "G1 X-+2", "G10 L2 P1.5 X1",
+    "G18 G2 X1 Z1 J1", "G91 G81 X1 Z-1 R1 L0", "G0 X1 Y2 Z3 G4 P1", "^30", "@5 X1", "M72", "M71",
+    "G1 X1 H", "G 1 X 2", "G1X1Y", "g01x1y-.5", "G1 X1.", "G1 X-", "G1 X.",
     "G59.4", "G28 X1 Y1 I1", "G1 X[1 + ]", "G1 X[1", "G1 X1]", "G1 X[2 3]", "G1 XATAN[1]", "G1 XFOO[1]", "M19 R10",
-    "M60", "G80 X1", "G80 G1 X1", "G80 G0 X1", "G53 G80 X1", "G1 Z", "M61 Q1", "M61", "M66", "M67 E0 Q1", "M62",
+    "M60", "G80 X1", "G80 G1 X1", "G80 G0 X1", "G53 G80 X1", "G1 Z", "M61", "M66", "M67 E0 Q1", "M62",
 )  # fmt: skip
 _FAULTY = 0.35  # share of the programs with a line that may be wrong
 
@@ -40,6 +40,7 @@ class RandomProgram:
         self.lines: list[str] = []
         self.plane, self.relative, self.inch, self.inverse = "G17", False, False, False
         self.labels = 100
+        self.has_do = self.chance(0.5)  # LinuxCNC runs a do once after a break out of a while
 
     # ------------------------------------------------------------ numbers and words
 
@@ -179,6 +180,7 @@ class RandomProgram:
             self.say(self.plane)
         elif kind == 1:
             self.inch = not self.inch
+            self.say("G49")
             self.say("G20" if self.inch else "G21")
             self.say(self.word("F", round(float(self.rng.uniform(1.0, 900.0)), 1))) if not self.inverse else None
         elif kind == 2:
@@ -221,6 +223,7 @@ class RandomProgram:
         tool = TOOLS[self.rng.integers(len(TOOLS))]
         kind = self.rng.integers(6)
         if kind == 0:
+            self.say("G53", "G0", *self.axes(least=3)) if not self.relative else self.rapid()
             self.say(f"T{tool}", "M6")
             self.say("G43")
         elif kind == 1:
@@ -240,15 +243,17 @@ class RandomProgram:
         if self.inverse:
             return
         first, second, along, *_ = PLANES[self.plane]
-        code = int(self.rng.choice([73, 81, 82, 83, 85, 86, 89, 74, 84]))
-        self.say(self.some("G98", "G99"), *(["S500", self.some("M3", "M4")] if code in (74, 84, 86) else []))
+        code = int(
+            self.rng.choice([73, 81, 82, 83, 85, 86, 89] + [74, 84] * (self.plane == "G17"))
+        )  # LinuxCNC taps there
+        self.say(self.some("G98", "G99"), *(["S500", "M4" if code == 74 else "M3"] if code in (74, 84, 86) else []))
         depth = -abs(self.number(5.0)) - 0.1
         words = [f"{along}{depth:.3f}", f"R{abs(self.number(3.0)):.3f}"]
         if code in (73, 83):
             words.append(f"Q{abs(depth) * self.rng.uniform(0.2, 1.5):.3f}")
         elif code not in (81, 85):
             words.append(f"P{self.rng.uniform(0.1, 2.0):.2f}")
-        if self.chance(0.3):
+        if self.chance(0.3) and code != 74:
             words.append(f"L{self.rng.integers(1, 4)}")
         self.say(f"G{code}", self.word(first, self.number()), self.word(second, self.number()), *words)
         for _ in range(int(self.rng.integers(0, 3))):
@@ -298,14 +303,14 @@ class RandomProgram:
             body = [
                 f"G0 X[#{k}*2]",
                 f"O{k + 500} if [#{k} EQ 2]",
-                f"O{k} {self.some('break', 'continue')}",
+                f"O{k} {'continue' if self.has_do else self.some('break', 'continue')}",
                 f"O{k + 500} endif",
                 cut,
             ]
             self.lines += [f"#{k}=0", f"o{k} while [#{k} LT {n}]", f"#{k}=[#{k}+1]", *body, f"o{k} endwhile"]
         elif kind == 2:
             self.lines += [f"O{k} repeat [{n}]", cut, f"O{k} endrepeat"]
-        elif kind == 3:
+        elif kind == 3 and self.has_do:
             self.lines += [f"#{k}=0", f"O{k} do", other, f"#{k}=[#{k}+1]", f"O{k} while [#{k} LT {n}]"]
         else:
             self.lines.append(f"o<hole> call [{a}] [{self.number(5.0)}]")
@@ -323,7 +328,7 @@ class RandomProgram:
         """Modes that are kept and brought back."""
         if self.inverse:
             return
-        self.lines += ["M70", self.some("G91", "G90", "G20", "G21", "G18", "G59"), f"G0 {' '.join(self.axes())}", "M72"]
+        self.lines += ["M70", self.some("G91", "G90", "G18", "G59"), f"G0 {' '.join(self.axes())}", "M72"]
 
     def polar(self) -> None:
         """Polar coordinates, once the tool is off the origin."""

@@ -23,11 +23,13 @@ COLUMNS = (
     "kind", "line", "feed", "x", "y", "z", "a", "b", "c", "u", "v", "w", "first_centre", "second_centre", "turns", "plane"
 )  # fmt: skip
 RAPID, LINE, ARC, PROBE, TAP, DWELL, TOOL, MARK, STATE, LOST = range(10)
-LOST_UNITS, LOST_ARC = 1, 2  # what the interpreter would have to ask of a machine
+LOST_UNITS, LOST_PLACE = 1, 2  # what the interpreter would have to ask of a machine
 MARKED = "feedplan-mark"
 MAX_ROWS = 20_000_000  # a loop that never ends would fill the disk
 _INCH = 25.4
 _LINEAR = (0, 1, 2, 6, 7, 8)
+_ABSOLUTE = 900
+_APART = 1e-6  # mm
 _INSIDE = "this program makes more calls than are read here; a loop may never end"
 
 
@@ -51,7 +53,11 @@ class Canon:
         self.origin, self.shift, self.tool = [0.0] * 9, [0.0] * 9, [0.0] * 9
         self.angle = 0.0
         self.at = [0.0] * 9
-        self.units, self.stale, self.in_arc = 0, False, False
+        self.units, self.distances, self.stale = 0, 0, False
+        self.told: tuple[float, ...] = (
+            0.0,
+        ) * 9  # numbers of the last straight move, which the interpreter asks for at a tool change
+        self.doubtful: list[int] = []  # axes in which the machine is not there
 
     def __getattr__(self, name: str) -> Any:
         """Answer every call that moves nothing."""
@@ -72,9 +78,18 @@ class Canon:
         return [p + o + t for p, o, t in zip(point, self.origin, self.tool, strict=True)]
 
     def _go(self, kind: int, numbers: tuple[float, ...]) -> None:
+        self._require_told(numbers)
+        self.told = numbers
         self.at = self._on_machine(numbers)
-        self.in_arc = False
         self._row(kind, self.at)
+
+    def _require_told(self, numbers: tuple[float, ...]) -> None:
+        """After a tool change the interpreter takes the machine to be where the last straight move ended, in the offsets of
+        now: an axis in which it is not may not be left where it is.
+        """
+        if any(self.distances != _ABSOLUTE or numbers[axis] == self.told[axis] for axis in self.doubtful):
+            self._row(LOST, [float(LOST_PLACE), *[0.0] * 8])
+        self.doubtful = []
 
     def next_line(self, state: Any) -> None:
         """Note the line that is run, and what was in force after the one before."""
@@ -82,7 +97,7 @@ class Canon:
         modes = state.feed_mode, state.path_mode, state.speed, state.motion_mode, state.distance_mode, state.units
         self._row(STATE, [*modes, 0.0, 0.0, 0.0])
         self.stale |= self.units not in (0, state.units) and any(self.tool)
-        self.units = state.units
+        self.units, self.distances = state.units, state.distance_mode
 
     def comment(self, text: str) -> None:
         """A mark: the file and the line that are run next."""
@@ -118,9 +133,9 @@ class Canon:
         end, centre = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
         end[x], end[y], end[3 - x - y] = first, second, along
         centre[x], centre[y] = centre1, centre2
+        self._require_told((*end, *rest))
         middle = self._on_machine((*centre, *rest))
         self.at = self._on_machine((*end, *rest))
-        self.in_arc = True
         self._row(ARC, self.at, (middle[x], middle[y], float(turns)))
 
     def dwell(self, seconds: float) -> None:
@@ -156,13 +171,14 @@ class Canon:
 
     def change_tool(self, index: int) -> None:
         """M6, by the place of the tool in the table."""
-        if self.in_arc:
-            self._row(LOST, [float(LOST_ARC), *[0.0] * 8])
         self.loaded = index
         self._row(TOOL, [self.tools[index][0], *[0.0] * 8])
 
     def get_tool(self, index: int) -> tuple[float, ...]:
         """The tool at a place of the table; at the place 0 the one in the spindle."""
+        if index == 0:  # asked at every tool change
+            there = self._on_machine(self.told)
+            self.doubtful = [axis for axis in range(9) if abs(there[axis] - self.at[axis]) > _APART]
         place = self.loaded if index == 0 else index
         if 0 <= place < len(self.tools):
             return (int(self.tools[place][0]), *self.tools[place][1:13], int(self.tools[place][13]))

@@ -16,6 +16,7 @@ from planner.programs.reading.program import ANGULAR, ARC, RAPID, ZERO_LENGTH_MM
 from planner.programs.reading.words import LineArray
 from planner.types import FloatArray
 
+_SLOWEST = 0.1  # units a minute under G93, as on LinuxCNC
 _LONG_ARC_MM = 1e6  # a full turn of this length is likely a short move whose digits are lost
 
 
@@ -65,7 +66,8 @@ def make_moves(track: ProgramTrack, feeds: BlockFeeds) -> MovesOfPart:
             state.long_arcs.append((int(blocks.line[rows[arcs[k]]]), float(along[k]), turns))
     travel, group = feed_lengths(start, end, arcs, along)
     feed, rate = np.where(group == ANGULAR, feeds.angular[rows], feeds.feed[rows]), feeds.rate[rows]
-    feed = np.where(kind == RAPID, np.inf, np.where(np.isnan(rate), feed, travel * rate))
+    slowest = _SLOWEST / 60.0 * np.where(group == ANGULAR, 1.0, track.unit[rows])
+    feed = np.where(kind == RAPID, np.inf, np.where(np.isnan(rate), feed, np.maximum(travel * rate, slowest)))
     exact = modal[PATH_MODE][rows] != 640
     columns = MoveColumns(
         blocks.line[rows], kind.astype(np.uint8), end, centre, normal, sweep, feed, exact, feeds.tolerance[rows],

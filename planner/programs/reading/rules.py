@@ -27,6 +27,7 @@ from planner.programs.reading.program import ARC, LINE, RAPID
 from planner.programs.reading.words import LineArray, Mask
 
 _DWELL, _INPUT = 40, 66
+_SHIFTS = (520, 920)
 _NAMES_SHOWN = 8
 # Words whose words of axes are no end of a move.
 _TAKE_AXES = {
@@ -151,6 +152,9 @@ def check_motion(blocks: Blocks, modal: dict[int, LineArray]) -> LineArray:
     for name, code in (("I", 190), ("J", 180), ("K", 170)):
         lacking = absolute & (plane != code) & ~blocks.letters[name].given
         faults.add(blocks.first_of("IJK", lacking & blocks.any_of("IJK")), f"under G90.1 the arc needs {name} as well")
+    once = blocks.g[ONCE]
+    faults.add(once.at(once.has(*_SHIFTS) & ~named), "needs the axes that it shifts")
+    faults.add(word.at(word.has(*PROBES) & ~ends), "a probe needs the end of its move")
     kind = np.full(active.size, -1)
     kind[ends & (active == 0)] = RAPID
     kind[ends & (active == 10)] = LINE

@@ -233,13 +233,21 @@ class TestRefusals:
         ("text", "message"),
         [
             ("F60\nG43.1 Z3\nG1 X1\nG20\nF2\nG49\nM2\n", "part.ngc:6: G49: the tool length was taken in other units"),
-            ("F60\nG2 X2 I1\nT1 M6\nM2\n", "part.ngc:3: T1M6: an arc ends where the tool is changed"),
+            (
+                "F60\nG2 X2 I1\nT1 M6\nG1 Y3\nM2\n",
+                "part.ngc:4: G1Y3: the last tool change comes after an arc",
+            ),
+            ("F60\nG1 X2\nG92 X5\nM6 T1\nG91\nG1 X3\nM2\n", "part.ngc:6: G1X3: the last tool change comes after"),
         ],
     )
     def test_what_the_interpreter_would_have_to_ask_a_machine(self, tmp_path, text, message):
         with pytest.raises(InputError) as problem:
             read_with_linuxcnc(written(tmp_path, text))
         assert str(problem.value).startswith(message)
+
+    def test_a_tool_change_after_an_arc_that_it_need_not_ask_about(self, tmp_path):
+        program = read_with_linuxcnc(written(tmp_path, "F60\nG2 X2 I1\nG92 Z5\nT1 M6\nG1 X3 Y3 Z4\nM2\n"))
+        assert program.end[-1, :3].tolist() == pytest.approx([3.0, 3.0, -1.0])
 
     def test_a_loop_that_never_ends_is_ended(self, tmp_path):
         path = written(tmp_path, "O1 while [1]\n#1=2\nO1 endwhile\nM2\n")

@@ -48,6 +48,8 @@ REFUSED = {
     "G1 X1 F-5\nM2": "1: F-5: must not be negative",
     "G93\nG1 X1 F2\nX2\nM2": "3: X2: G93 needs an F in every block that cuts",
     "G91 F60\nG53 G1 X1\nM2": "2: G53: machine coordinates are absolute; write G90 before",
+    "G92\nM2": "1: G92: needs the axes that it shifts",
+    "G38.2 F60\nM2": "1: G38.2: a probe needs the end of its move",
     "M66\nM2": "1: M66: needs the number of an input, P or E",
     "F60\nG84 X1 Z-1 R1\nM2": "2: X1: a cycle G84 needs a spindle that turns, M3",
     "F60 M4\nG84 X1 Z-1 R1\nM2": "2: X1: the spindle turns the other way; a cycle G84 needs M3",
