@@ -21,7 +21,7 @@ DOUBTFUL = (
     "G53 X1", "G53 G2 X1 I1", "G38.2", "M3 M4", "M7 M8", "M3 M8", "G17 G18", "G90 G91", "G1 XX1", "G1 X", "X1e3",
     "G1 X1.2.3", "G1 X1 (open", "G1 X1 )", "G1 X1 Q3", "G1 X1 R2", "G1 I2", "P1", "R1", "L2", "H3", "Q1",
     "G64 Q0.1", "G64 P-1", "G61 P1", "O999 endif", "O999 break", "M98 P777", "G1 X#5700", "G1 X#0", "#1=", "#33",
-    "G5.9", "G123", "M123456", "M-1", "G-1", "N1.5 G0 X1", "G0 N5 X1", "G0.99999 X1", "G1 X1 M30", "M6", "G43.1",
+    "G5.9", "G123", "M123456", "M-1", "G-1", "N1.5 G0 X1", "G0 N5 X1", "G0.99999 X1", "G1 X1 M30", "G43.1",
     "G43 X1", "G92.1 X1", "G28 G0 X1", "F-1", "S-5", "T-1", "T1.5", "G17.5", "G2 X0 Y0 I0", "G2 X1 I0.5 P0",
     "G2 X1 I0.5 P1.5", "G20 G21", "G54 G55", "G43 G49", "G98 G99", "G94 G93", "M0 M1", "G4 P1 X1",
     "G18 G2 X1 Z1 J1", "G91 G81 X1 Z-1 R1 L0", "G0 X1 Y2 Z3 G4 P1", "^30", "@5 X1", "M72", "M71",
@@ -39,6 +39,10 @@ class RandomProgram:
         self.rng = np.random.default_rng(seed)
         self.lines: list[str] = []
         self.plane, self.relative, self.inch, self.inverse = "G17", False, False, False
+        self.names = ["X", "Y", "Z"]
+        if self.chance(0.4):
+            self.names += [str(name) for name in self.rng.permutation(list("ABCUVW"))[: self.rng.integers(1, 4)]]
+        self.writes_tools = self.chance(0.5)  # what G10 L1 writes is lost to the interpreter alone at a tool change
         self.labels = 100
         self.has_do = self.chance(0.5)  # LinuxCNC runs a do once after a break out of a while
 
@@ -85,8 +89,11 @@ class RandomProgram:
     def axes(self, size: float = 20.0, least: int = 1) -> list[str]:
         """Words of some axes."""
         count = int(self.rng.integers(least, 4))
-        names = self.rng.permutation(["X", "Y", "Z"])[:count]
-        return [self.word(str(name), self.number(size)) for name in names]
+        names = [str(name) for name in self.rng.permutation(self.names)[:count]]
+        return [
+            self.word(name, round(float(self.rng.normal()) * 90.0, 2) if name in "ABC" else self.number(size))
+            for name in names
+        ]
 
     def feed(self) -> list[str]:
         """The F that a block needs in inverse time."""
@@ -133,6 +140,8 @@ class RandomProgram:
             words.append(self.word(along, self.number(5.0)))
         if self.chance(0.2):
             words.append(f"P{self.rng.integers(1, 5)}")
+        if len(self.names) > 3 and self.chance(0.3):
+            words.append(self.word(self.names[3], self.number()))
         self.to_relative(True)
         self.say(self.some("G2", "G3", "G02", "G03"), *words, *self.feed())
 
@@ -222,20 +231,26 @@ class RandomProgram:
         """Tool changes and lengths."""
         tool = TOOLS[self.rng.integers(len(TOOLS))]
         kind = self.rng.integers(6)
-        if kind == 0:
-            self.say("G53", "G0", *self.axes(least=3)) if not self.relative else self.rapid()
+        if kind == 0 and not self.writes_tools:
+            self.to_relative(False)
+            self.say("G53", "G0", *(self.word(name, self.number()) for name in self.names))
             self.say(f"T{tool}", "M6")
             self.say("G43")
         elif kind == 1:
             self.say("G43", f"H{tool}")
         elif kind == 2:
-            self.say("G43.1", *self.axes(5.0))
+            self.say("G43.1", *(self.word(name, self.number(5.0)) for name in "XYZ"[int(self.rng.integers(3)) :]))
         elif kind == 3:
             self.say("G43.2", f"H{tool}")
         elif kind == 4:
             self.say("G49")
-        else:
-            self.say("G10", "L1", f"P{tool}", *self.axes(30.0))
+        elif self.writes_tools:
+            self.say(
+                "G10",
+                "L1",
+                f"P{tool}",
+                *(self.word(name, self.number(30.0)) for name in "XYZ"[int(self.rng.integers(3)) :]),
+            )
             self.say("G43", f"H{tool}")
 
     def cycle(self) -> None:

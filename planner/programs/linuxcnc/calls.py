@@ -26,6 +26,7 @@ _LOST = {
     "LinuxCNC's interpreter does not know what an axis is at that has had no word since; write a straight move before the "
     "tool change, or every axis after it",
 }
+_TOOL_WRITTEN = re.compile(r"L1(?![\d.])")
 _PITCH = re.compile(r"[KP]([-+]?\d*\.?\d+|\d+\.)")
 
 
@@ -45,6 +46,19 @@ class CallColumns:
     mark_lines: LineArray
 
 
+def _require_tools_kept(calls: CanonicalCalls) -> None:
+    """Refuse a tool change after G10 L1: the interpreter takes the tools from the table again, where no machine wrote it."""
+    changes = np.flatnonzero(calls.rows[:, 0] == canon.TOOL)
+    for row in np.flatnonzero(calls.rows[: changes[-1] if changes.size else 0, 0] == canon.MARK).tolist():
+        file, line = calls.rows[row, 3:5].astype(np.int64).tolist()
+        text = calls.marked.lines[file][line - 1]
+        if "G10" in text and _TOOL_WRITTEN.search(text):
+            raise InputError(
+                f"{calls.marked.names[file]}:{line}: {text[:40]}: a tool is changed afterwards, and LinuxCNC's interpreter "
+                "forgets this where no machine is there; write it behind the last tool change, or into the tool table"
+            )
+
+
 def require_read(calls: CanonicalCalls) -> None:
     """Raise InputError with LinuxCNC's message where it refuses the program, or where it has no machine to ask."""
     lost = np.flatnonzero(calls.rows[:, 0] == canon.LOST)
@@ -55,6 +69,7 @@ def require_read(calls: CanonicalCalls) -> None:
         raise InputError(
             f"{name}:{line}: {calls.marked.lines[int(mark[3])][line - 1][:40]}: {_LOST[int(calls.rows[row, 3])]}"
         )
+    _require_tools_kept(calls)
     if not calls.message:
         return
     lines = calls.marked.lines[calls.file]

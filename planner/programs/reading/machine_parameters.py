@@ -9,7 +9,7 @@ from planner.geometry.curve import AXES, ROTARY_AXES
 from planner.programs.reading.expressions import ParameterKey
 from planner.programs.reading.language import DISTANCE, FEED_MODE, MOTION, PLANE, UNITS
 from planner.programs.reading.modal import INCH_MM, ReadingState
-from planner.programs.reading.offsets import SYSTEM_CODES
+from planner.programs.reading.offsets import SYSTEM_CODES, origin
 
 _NAMES = (
     *(f"_{axis.lower()}" for axis in AXES),
@@ -53,8 +53,10 @@ def machine_parameter(key: ParameterKey, state: ReadingState) -> float | None:
         return float(offsets.active + 1)
     if key == 5400:
         return float(state.loaded)
+    loaded = offsets.of_tool(state.loaded)
+    loaded = origin() if loaded is None else loaded
     points = {
-        5161: offsets.home[280], 5181: offsets.home[300], 5211: offsets.shift, 5401: offsets.length, 5420: position,
+        5161: offsets.home[280], 5181: offsets.home[300], 5211: offsets.shift, 5401: loaded, 5420: position,
         **{5221 + _SYSTEM_STEP * k: offsets.systems[k] for k in range(len(SYSTEM_CODES))},
     }  # fmt: skip
     if state.probed is not None:

@@ -14,10 +14,10 @@ from planner.programs.reading.language import (
     MOTION,
     ONCE,
     OWNED_LETTERS,
-    PATH_MODE,
     PLANE,
     PROBES,
     SIGNAL,
+    SPINDLE,
     TOOL_LENGTH,
     LanguageWord,
     word_name,
@@ -26,7 +26,7 @@ from planner.programs.reading.positions import CYCLE
 from planner.programs.reading.program import ARC, LINE, RAPID
 from planner.programs.reading.words import LineArray, Mask
 
-_DWELL, _INPUT = 40, 66
+_DWELL, _INPUT, _ORIENT = 40, 66, 19
 _SHIFTS = (520, 920)
 _NAMES_SHOWN = 8
 # Words whose words of axes are no end of a move.
@@ -77,10 +77,9 @@ def check_words(blocks: Blocks, motion: LineArray, kind: LineArray) -> None:
         column = letters[name]
         if column.given.any():
             faults.add(column.at(column.value != np.rint(column.value)), "must be a whole number")
-    r, p, blend = letters["R"], letters["P"], blocks.g[PATH_MODE].has(640)
+    r, p = letters["R"], letters["P"]
     faults.add(r.at((r.value == 0.0) & np.isin(motion, (20, 30))), "the radius must not be 0")
     faults.add(r.at(blocks.any_of("IJK")), "an arc has a radius R or a centre I, J, K, not both")
-    faults.add(q.at(blend & ~p.given), "needs the tolerance P beside it")
     inputs = blocks.m[SIGNAL].has(_INPUT)
     faults.add(blocks.m[SIGNAL].at(inputs & ~p.given & ~letters["E"].given), "needs the number of an input, P or E")
     for column, letter, table in (
@@ -134,8 +133,10 @@ def _name(letter: str, code: int) -> str:
 def check_motion(blocks: Blocks, modal: dict[int, LineArray]) -> LineArray:
     """What every block moves: RAPID, LINE, ARC, CYCLE, or -1 for nothing."""
     faults, active, word = blocks.faults, modal[MOTION], blocks.g[MOTION]
+    # The R of M19 is an angle.
+    centred = blocks.any_of("IJK") | (blocks.letters["R"].given & ~blocks.m[SPINDLE].has(_ORIENT))
     other, named = takes_axes(blocks), blocks.any_of(AXIS_LETTERS)
-    ends, centres = named & ~other, blocks.any_of("IJKR") & ~other
+    ends, centres = named & ~other, centred & ~other
     arc = (active == 20) | (active == 30)
     faults.add(
         blocks.first_of(AXIS_LETTERS, named & other & word.given),

@@ -232,6 +232,7 @@ class TestRefusals:
     @pytest.mark.parametrize(
         ("text", "message"),
         [
+            ("F60\nG10 L1 P1 Z5\nG1 X2\nT1 M6\nM2\n", "part.ngc:2: G10L1P1Z5: a tool is changed afterwards"),
             ("F60\nG43.1 Z3\nG1 X1\nG20\nF2\nG49\nM2\n", "part.ngc:6: G49: the tool length was taken in other units"),
             (
                 "F60\nG2 X2 I1\nT1 M6\nG1 Y3\nM2\n",

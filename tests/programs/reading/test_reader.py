@@ -53,6 +53,18 @@ class TestMoves:
         p = read("G91 F60\n" + "G1 X0.1\n" * 20000 + "M2\n")
         assert p.end[:, 0] == pytest.approx(0.1 * np.arange(1, 20001), abs=1e-8)
 
+    def test_the_tolerance_of_merging_may_stand_alone(self, read):
+        p = read("F60\nG64 Q0.1\nG1 X1" + END)
+        assert np.isnan(p.tolerance).all()
+        assert p.naive_tolerance.tolist() == [0.1]
+
+    def test_the_angle_of_the_spindle_is_no_radius(self, read):
+        p = read("F60\nG2 X2 I1\nM19 R10\nX4 I1" + END)
+        assert p.line.tolist() == [2, 4]
+
+    def test_the_slowest_feed_under_inverse_time(self, read):
+        assert read("G93\nG1 X0.01 F1" + END).feed.tolist() == pytest.approx([0.1 / 60.0])
+
     def test_inverse_time_makes_a_feed_of_every_length(self, read):
         p = read("G93\nG1 X3 Y4 F2\nG3 X3 Y4 I1 J0 F4\nG94 G1 X0 F120" + END)
         assert p.feed == pytest.approx([5 / 30, 2 * np.pi / 15, 2.0], rel=1e-14)

@@ -87,7 +87,6 @@ REFUSED = {
         "1: P1: belongs to a word that is not in the block; it is read beside G4, G10, G64, M19, M62, M63, M64, M65 ..."
     ),
     "G64 G4 P1\nM2": "1: P1: could belong to several words of the block; write them in two blocks",
-    "G64 Q1\nM2": "1: Q1: needs the tolerance P beside it",
     "Q1\nM2": (
         "1: Q1: belongs to a word that is not in the block; it is read beside G64, M61, M19, M66, M67, M68, G73, G83"
     ),

@@ -1,0 +1,101 @@
+"""The reader of part programs against LinuxCNC's own interpreter, where it is installed."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from benchmarks.dialect import AIM, SAMPLES, TOOLS, Agreement, compare, compare_random, difference, programs_in, summary
+from benchmarks.random_programs import random_program
+from planner import read_program
+from planner.programs.linuxcnc.interpreter import is_installed
+
+needs_linuxcnc = pytest.mark.skipif(
+    not is_installed(), reason="LinuxCNC is not installed (Debian: apt-get install linuxcnc-uspace)"
+)
+CHUNK = 100
+
+
+@needs_linuxcnc
+@pytest.mark.slow
+class TestSamples:
+    """The programs that the package installs: nobody wrote them for this reader."""
+
+    @pytest.fixture(scope="class")
+    def found(self):
+        return [compare(path, TOOLS) for path in programs_in([SAMPLES])]
+
+    def test_nearly_all_that_it_reads_are_read(self, found):
+        facts = summary(found)
+        assert facts["read_by_linuxcnc"] > 100
+        assert facts["share_read"] >= AIM
+
+    def test_what_is_read_has_the_same_moves(self, found):
+        assert [(one.program, one.difference) for one in found if one.difference] == []
+        assert summary(found)["moves_compared"] > 10_000
+
+
+def disagreements(seeds, folder):
+    found = compare_random(seeds, folder)
+    return [one for one in found if not one.same], summary(found)
+
+
+@needs_linuxcnc
+class TestRandomPrograms:
+    def test_a_few(self, tmp_path):
+        wrong, facts = disagreements(range(20), tmp_path)
+        assert wrong == []
+        assert facts["read_here"] >= 10
+
+    @pytest.mark.slow
+    @pytest.mark.parametrize("first", range(0, 3000, CHUNK))
+    def test_agree_on_what_is_refused_and_on_every_move(self, tmp_path, first):
+        wrong, facts = disagreements(range(first, first + CHUNK), tmp_path)
+        assert wrong == []
+        assert facts["read_here"] >= CHUNK // 2
+        assert facts["refused_by_both"] >= CHUNK // 10
+        assert facts["moves_compared"] >= 10 * CHUNK
+
+
+class TestTheComparisonItself:
+    def test_a_seed_is_always_the_same_program(self):
+        assert random_program(7) == random_program(7)
+        assert len({random_program(seed) for seed in range(50)}) == 50
+
+    @pytest.mark.parametrize(
+        ("name", "change"),
+        [
+            ("end", lambda a: a + np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2e-3])),
+            ("kind", lambda a: np.where(a == 0, 1, a).astype(np.uint8)),
+            ("line", lambda a: a + 1),
+            ("centre", lambda a: a + 2e-3),
+            ("sweep", lambda a: a * 1.001),
+            ("feed", lambda a: a * (1.0 + 1e-8)),
+            ("normal", lambda a: (a + 1).astype(np.uint8)),
+        ],
+    )
+    def test_finds_what_is_not_the_same(self, tmp_path, name, change):
+        path = tmp_path / "part.ngc"
+        path.write_text("F60\nG1 X1\nG0 X2\nG2 X4 I1\nM2\n")
+        program = read_program(path, start=(0, 0, 0))
+        other = dataclasses.replace(program, **{name: change(getattr(program, name))})
+        assert difference(program, program) == ""
+        assert f": {name} " in difference(program, other)
+
+    def test_finds_a_move_that_is_missing(self, tmp_path):
+        path = tmp_path / "part.ngc"
+        texts = "F60\nG1 X1\nM2\n", "F60\nG1 X1\nX2\nM2\n"
+        one, two = [path.write_text(text) and read_program(path) for text in texts]
+        assert difference(one, two) == "1 moves there, 2 here; the first 1 agree"
+
+    def test_counts(self):
+        found = [
+            Agreement("a", moves=3),
+            Agreement("b", linuxcnc="no"),
+            Agreement("c", "no", "no"),
+            Agreement("d", ours="no"),
+        ]
+        assert [one.same for one in found] == [True, False, True, False]
+        facts = summary(found)
+        assert facts["share_read"] == 0.5
+        assert (facts["refused_by_both"], facts["read_here_alone"], facts["moves_compared"]) == (1, 1, 3)
