@@ -126,6 +126,8 @@ class Blends:
         A, mm.
     length : (n,) array
         Arc length, mm.
+    weight : (dim,) array
+        What the square of each column counts in it: 1 of a length, 0 of a column that only goes along.
     """
 
     vertex: FloatArray
@@ -133,24 +135,29 @@ class Blends:
     after: Legs
     size: FloatArray
     length: FloatArray
+    weight: FloatArray
     _table: NDArray[np.intp]
     _half_angle: FloatArray
     _lengths: FloatArray
     _speeds: FloatArray
 
     @classmethod
-    def between(cls, before: Legs, after: Legs, size: FloatArray) -> Blends:
+    def between(cls, before: Legs, after: Legs, size: FloatArray, weight: FloatArray | None = None) -> Blends:
         """Blends of the sizes A (n,) between legs that begin at the corners (``before`` runs backwards)."""
+        weight = np.ones(after.vectors.shape[2]) if weight is None else weight
         vertex = after.vectors[:, 0] + after.vectors[:, 1]
         straight = (before.rates[:, 0] == 0.0) & (after.rates[:, 0] == 0.0)
         row = np.arange(size.size)
         back, forth = (legs.at(row, np.zeros(size.size))[1] for legs in (before, after))
-        cosine = -np.sum(back * forth, axis=1) / np.sqrt(np.sum(back**2, axis=1) * np.sum(forth**2, axis=1))
+        product, *squares = (np.sum(weight * part, axis=1) for part in (back * forth, back**2, forth**2))
+        cosine = -product / np.sqrt(squares[0] * squares[1])
         key = np.where(straight, np.round(cosine, _SAME_COSINE), 2.0 + row)
         _, first, table = np.unique(key, return_index=True, return_inverse=True)
         angle = np.arccos(np.clip(cosine[first], -1.0, 1.0))
         b = np.tan(0.25 * (np.pi - angle))
-        blends = cls(vertex, before, after, size, size, np.asarray(table), b, np.empty((0, 0)), np.empty((0, 0)))
+        blends = cls(
+            vertex, before, after, size, size, weight, np.asarray(table), b, np.empty((0, 0)), np.empty((0, 0))
+        )
         nodes = np.pi * (np.arange(_NODES) + 0.5) / _NODES
         to_series = np.cos(np.outer(np.arange(_NODES), nodes)) * (2.0 / _NODES)
         to_series[0] *= 0.5
@@ -158,12 +165,21 @@ class Blends:
         x = np.cos(nodes)
         tau = b[:, None] * np.sinh(eta * x)
         d = blends.at(np.repeat(first, _NODES), tau.reshape(-1))[1]
-        speed = np.sqrt(np.sum(d**2, axis=1)).reshape(tau.shape) / size[first, None]
+        speed = np.sqrt(np.sum(weight * d**2, axis=1)).reshape(tau.shape) / size[first, None]
         speeds = speed * b[:, None] * eta * np.cosh(eta * x) @ to_series.T
         lengths = np.ascontiguousarray(chebyshev.chebint(speeds, lbnd=-1, axis=1))
         total = lengths.sum(axis=1)
         return cls(
-            vertex, before, after, size, size * total[table], blends._table, b, lengths, np.ascontiguousarray(speeds)
+            vertex,
+            before,
+            after,
+            size,
+            size * total[table],
+            weight,
+            blends._table,
+            b,
+            lengths,
+            np.ascontiguousarray(speeds),
         )
 
     def at(self, row: NDArray[np.intp], tau: FloatArray) -> FloatArray:

@@ -5,10 +5,12 @@
 #include "planner/geometry/curve_inline.h"
 #include "planner/geometry/differential_inline.h"
 
-enum { CHAIN_AXES = 9, BLEND_TERMS = 12 }; /* most coordinates; coefficients of a panel of the inverse of the arc length */
+/* Most columns: nine axes, and those of the path that a feed is measured on beside X Y Z; coefficients of a panel of the
+ * inverse of the arc length. */
+enum { CHAIN_COLUMNS = 15, BLEND_TERMS = 12 };
 
-/* Position and three derivatives of each coordinate. */
-typedef double Derivatives[4][CHAIN_AXES];
+/* Position and three derivatives of each column. */
+typedef double Derivatives[4][CHAIN_COLUMNS];
 
 /* Vectors o, e1, e2 and g (4, dim) and rates w and k (2) of a leg. */
 typedef struct {
@@ -90,14 +92,15 @@ static inline void blend_at(const double *vertex, const Leg *before, const Leg *
     }
 }
 
-/* Derivatives with respect to another parameter turned into those with respect to the arc length, in place. */
-static inline void by_arc_length(int64_t dim, Derivatives d)
+/* Derivatives with respect to another parameter turned into those with respect to the arc length, in place; weight (dim) is what
+ * the square of each column counts in the length. */
+static inline void by_arc_length(int64_t dim, const double *weight, Derivatives d)
 {
     double squared = 0.0, along = 0.0, bend = 0.0;
     for (int64_t j = 0; j < dim; j++) {
-        squared += square(d[1][j]);
-        along += d[1][j] * d[2][j];
-        bend += square(d[2][j]) + d[1][j] * d[3][j];
+        squared += weight[j] * square(d[1][j]);
+        along += weight[j] * (d[1][j] * d[2][j]);
+        bend += weight[j] * (square(d[2][j]) + d[1][j] * d[3][j]);
     }
     const Triple speeds = speed_derivatives(squared, along, bend);
     const double v = speeds.first;

@@ -7,7 +7,7 @@ enum { SPAN_TERMS = 5 };
 /* The blends of a chain, and the inverse of their arc length. */
 typedef struct {
     int64_t dim;
-    const double *vertex, *before, *before_rates, *after, *after_rates, *size, *length;
+    const double *weight, *vertex, *before, *before_rates, *after, *after_rates, *size, *length;
     const int64_t *shape, *first_panel;
     const double *edges, *series;
 } Blends;
@@ -24,7 +24,7 @@ static inline void point_on_blend(const Blends *blends, int64_t row, double s, i
         tau = tau_of_share(blends->first_panel, blends->edges, blends->series, blends->shape[row], s / length, guess);
     blend_at(blends->vertex + row * dim, &before, &after, blends->size[row], tau, out);
     if (order > 0)
-        by_arc_length(dim, out);
+        by_arc_length(dim, blends->weight, out);
 }
 
 /* Value and three derivatives of quartics with ascending powers (dim, 5) at w = x / width. */
@@ -46,14 +46,14 @@ static inline void point_on_leg(const Leg *leg, double x, Derivatives out)
         out[0][j] += leg->vectors[j];
 }
 
-void chain_evaluate(int64_t pieces, int64_t dim, const double *edges, const uint8_t *kind, const int64_t *row,
+void chain_evaluate(int64_t pieces, int64_t dim, const double *weight, const double *edges, const uint8_t *kind, const int64_t *row,
                     const double *offset, const double *legs, const double *leg_rates, const double *spans,
                     const double *vertex, const double *before, const double *before_rates, const double *after,
                     const double *after_rates, const double *size, const double *length, const int64_t *shape,
                     const int64_t *first_panel, const double *panel_edges, const double *panels, int64_t n,
                     const double *u, const uint8_t *left, const int64_t *piece, int64_t order, double *out)
 {
-    const Blends blends = {dim,  vertex, before, before_rates, after,       after_rates,
+    const Blends blends = {dim, weight, vertex, before, before_rates, after,       after_rates,
                            size, length, shape,  first_panel,  panel_edges, panels};
     int64_t at = 0, panel = 0;
     for (int64_t i = 0; i < n; i++) {

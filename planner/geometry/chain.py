@@ -6,7 +6,7 @@ with continuous curvature is C2 in it and can be planned in it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from functools import cached_property
@@ -19,7 +19,8 @@ from planner.compiled import core
 from planner.errors import CurveError
 from planner.geometry.blend import Blends, Legs
 from planner.geometry.continuity import Break, continuity
-from planner.geometry.curve import Curve, FeedCaps, Pieces, axis_names
+from planner.geometry.curve import AXES, DEFAULT_AXES, Curve, FeedCaps, Pieces, axis_names
+from planner.geometry.differential import speed_derivatives
 from planner.geometry.fit import interpolate
 from planner.geometry.tolerance import PathTolerance
 from planner.types import BoolArray, FloatArray
@@ -53,7 +54,8 @@ class ChainCurve(Curve):
     offset : (m,) array
         Distance from the start of the leg to the start of the piece, mm; 0 for the other kinds.
     legs, blends : Legs, Blends or None
-    spans : (k, dim, 5) array
+        Their columns are the axes and, where a feed is measured on others than X Y Z, those of the path it is measured on.
+    spans : (k, columns, 5) array
         Ascending powers of the local parameter in [0, 1].
     joints : (j,) array
         Inner edges at which a derivative up to the third may jump; the others are smooth by construction.
@@ -65,6 +67,8 @@ class ChainCurve(Curve):
         What the program's F words allow.
     made_within : PathTolerance, optional
         Of the program.
+    tip_columns : sequence of int
+        The columns of the path that the feed is measured on; left out, the linear axes.
     """
 
     edges: FloatArray
@@ -81,9 +85,11 @@ class ChainCurve(Curve):
     name: str = "chain"
     feed_caps: FeedCaps | None = None
     made_within: PathTolerance | None = None
+    tip_columns: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "axes", axis_names(self.axes or None, self.legs.vectors.shape[2], self.name))
+        named = axis_names(self.axes or None, len(self.axes) or self.legs.vectors.shape[2], self.name)
+        object.__setattr__(self, "axes", named)
         step = np.diff(self.edges)
         if self.edges.size < 2 or not (step > 0.0).all():
             at = int(np.argmin(step)) if step.size else 0
@@ -96,14 +102,34 @@ class ChainCurve(Curve):
         """From the first edge to the last."""
         return float(self.edges[0]), float(self.edges[-1])
 
+    @property
+    def columns(self) -> int:
+        """Number of columns of the pieces: the axes, and what else the tip is made of."""
+        return int(self.legs.vectors.shape[2])
+
+    @cached_property
+    def tip(self) -> Curve:
+        """The path that the feed is measured on: the linear axes, or what ``tip_columns`` say."""
+        return FeedPath(self, self.tip_columns) if self.tip_columns else super().tip
+
     def _evaluate(self, u: FloatArray, order: int, left: BoolArray) -> FloatArray:
-        out = np.empty((order + 1, u.size, self.dim))
+        return np.ascontiguousarray(self.every_column(u, order, left)[..., : self.dim])
+
+    def _evaluate_with_tip(self, u: FloatArray, order: int, left: BoolArray) -> tuple[FloatArray, FloatArray]:
+        if not self.tip_columns:
+            return super()._evaluate_with_tip(u, order, left)
+        d = self.every_column(u, order, left)
+        return np.ascontiguousarray(d[..., : self.dim]), np.ascontiguousarray(d[..., list(self.tip_columns)])
+
+    def every_column(self, u: FloatArray, order: int, left: BoolArray) -> FloatArray:
+        """Derivatives 0..order of all columns at u (n,), from the left where ``left`` (n,); ``(order + 1, n, columns)``."""
+        out = np.empty((order + 1, u.size, self.columns))
         core.chain_evaluate(*self._arrays, u.size, u, left, None, order, out)
         return out
 
     def _on_pieces(self, piece: NDArray[np.intp], x: FloatArray) -> FloatArray:
-        """Position and three derivatives, (4, n, dim), at the distances x (n,) from the starts of pieces."""
-        out = np.empty((4, x.size, self.dim))
+        """Position and three derivatives, (4, n, columns), at the distances x (n,) from the starts of pieces."""
+        out = np.empty((4, x.size, self.columns))
         core.chain_evaluate(*self._arrays, x.size, np.ascontiguousarray(x), None, piece, 3, out)
         return out
 
@@ -111,7 +137,8 @@ class ChainCurve(Curve):
     def _arrays(self) -> tuple[Any, ...]:
         """What the compiled evaluation takes of the pieces, and of legs, spans and blends."""
         kind, row = self.kind.astype(np.uint8), np.ascontiguousarray(self.row, dtype=np.intp)
-        arrays = [self.kind.size, self.dim, self.edges, kind, row, self.offset]
+        weight = np.ones(self.columns) if self.blends is None else self.blends.weight
+        arrays = [self.kind.size, self.columns, weight, self.edges, kind, row, self.offset]
         arrays += [self.legs.vectors, self.legs.rates, np.ascontiguousarray(self.spans)]
         blends = self.blends
         if blends is None:
@@ -133,7 +160,11 @@ class ChainCurve(Curve):
     def on_native(self, piece: NDArray[np.intp], v: FloatArray) -> tuple[FloatArray, FloatArray]:
         """u, and position with three derivatives over tau, of blends."""
         row = self.row[piece]
-        return self.edges[piece] + self._blends.arc_length(row, v), self._blends.at(row, v)
+        return self.edges[piece] + self._blends.arc_length(row, v), self._blends.at(row, v)[..., : self.dim]
+
+    def native_rates(self, d: FloatArray) -> FloatArray:
+        """U is the arc length, in which the axes have their weights."""
+        return np.stack(speed_derivatives(d * np.sqrt(self._blends.weight[: self.dim])))
 
     def native_spacing(self, piece: NDArray[np.intp]) -> FloatArray:
         """A share of the distance from tau to the branch points of the arc length."""
@@ -166,12 +197,26 @@ class ChainCurve(Curve):
     @cached_property
     def pieces(self) -> Pieces:
         """Polynomial pieces: exact for lines and spans; for arcs and blends the tangent is fitted to 1e-13."""
+        return self.pieces_of_columns(range(self.dim))
+
+    def pieces_of_columns(self, columns: Sequence[int]) -> Pieces:
+        """The pieces of some of the columns."""
+        whole = self._all_pieces
+        if len(columns) == self.columns:
+            return whole
+        coefficients = np.ascontiguousarray(whole.coefficients[:, [*columns, self.columns]])
+        resting, origin = whole.resting[:, list(columns)].copy(), whole.origin[:, list(columns)].copy()
+        return Pieces(whole.breaks, coefficients, whole.rational, resting, origin)
+
+    @cached_property
+    def _all_pieces(self) -> Pieces:
+        """The pieces of all columns, all of the same breaks."""
         curved = np.flatnonzero(self._is_curved)
         plain = np.flatnonzero(~self._is_curved)
         fitted = _fit(self, curved)
         degree = max(4, fitted[1].shape[2] - 1) if curved.size else 4
         starts = np.concatenate([self.edges[plain], fitted[0]])
-        powers = np.zeros((starts.size, self.dim + 1, degree + 1))
+        powers = np.zeros((starts.size, self.columns + 1, degree + 1))
         powers[:, -1, 0] = 1.0
         if plain.size:
             powers[: plain.size, :-1, :5] = self._plain_powers(plain)
@@ -191,8 +236,8 @@ class ChainCurve(Curve):
         return curved
 
     def _plain_powers(self, plain: NDArray[np.intp]) -> FloatArray:
-        """Ascending powers (n, dim, 5) of the lines and spans among the pieces."""
-        powers = np.zeros((plain.size, self.dim, 5))
+        """Ascending powers (n, columns, 5) of the lines and spans among the pieces."""
+        powers = np.zeros((plain.size, self.columns, 5))
         on = self.kind[plain] == Kind.SPAN
         powers[on] = self.spans[self.row[plain[on]]]
         line = plain[~on]
@@ -209,7 +254,49 @@ class ChainCurve(Curve):
             arrays |= {"blend_vertex": self.blends.vertex, "blend_size": self.blends.size}
             for name, legs in (("before", self.blends.before), ("after", self.blends.after)):
                 arrays |= {f"{name}_vectors": legs.vectors, f"{name}_rates": legs.rates}
+        if self.tip_columns:
+            arrays["tip_columns"] = np.array(self.tip_columns)
         return {"type": "chain", "axes": list(self.axes)} | {key: value.tolist() for key, value in arrays.items()}
+
+
+@dataclass(frozen=True, eq=False)
+class FeedPath(Curve):
+    """Some of the columns of a chain: the path that its feed is measured on."""
+
+    parent: ChainCurve
+    columns: tuple[int, ...]
+
+    @property
+    def name(self) -> str:  # type: ignore[override]
+        """Name of the parent."""
+        return f"{self.parent.name} (tool tip)"
+
+    @property
+    def domain(self) -> tuple[float, float]:  # type: ignore[override]
+        """Domain of the parent."""
+        return self.parent.domain
+
+    @property
+    def axes(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Names of the axes that are columns, and for every other column one that is left."""
+        own = self.parent.axes
+        others = iter(name for name in (*DEFAULT_AXES, *AXES) if name not in own)
+        return tuple(own[k] if k < len(own) else next(others) for k in self.columns)
+
+    def _evaluate(self, u: FloatArray, order: int, left: BoolArray) -> FloatArray:
+        return np.ascontiguousarray(self.parent.every_column(u, order, left)[..., list(self.columns)])
+
+    @cached_property
+    def pieces(self) -> Pieces:
+        """The parent's pieces, other columns."""
+        return self.parent.pieces_of_columns(self.columns)
+
+    def definition(self) -> Mapping[str, Any]:
+        """Parent and columns."""
+        return {"parent": self.parent.definition(), "columns": list(self.columns)}
+
+    def _candidate_breaks(self) -> FloatArray:
+        return self.parent._candidate_breaks()
 
 
 def span_derivatives(powers: FloatArray, w: FloatArray, width: FloatArray) -> FloatArray:
@@ -249,4 +336,4 @@ def _fit(curve: ChainCurve, pieces: NDArray[np.intp]) -> tuple[FloatArray, Float
         mid = 0.5 * (lo + hi)[~good]
         piece = np.tile(piece[~good], 2)
         lo, hi = np.concatenate([lo[~good], mid]), np.concatenate([mid, hi[~good]])
-    return np.concatenate(starts), np.concatenate(powers) if powers else np.empty((0, curve.dim, 5))
+    return np.concatenate(starts), np.concatenate(powers) if powers else np.empty((0, curve.columns, 5))

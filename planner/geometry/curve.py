@@ -30,6 +30,7 @@ AXES = ("X", "Y", "Z", "A", "B", "C", "U", "V", "W")
 ROTARY_AXES = frozenset("ABC")
 MAX_COORDINATE = 1e9  # mm; beyond it the digits of a double no longer hold a path to 1e-7
 DEFAULT_AXES = ("X", "Y", "Z", "U", "V", "W")
+DEGREES = 180.0 / np.pi  # of a radian; where angles and lengths are taken together, a degree counts as a mm
 
 # |C'| below this fraction of its values around is a cusp: the unit tangent is lost to cancellation there.
 _CUSP_TOLERANCE = 1e-9
@@ -271,6 +272,10 @@ class Curve(ABC):
 
     def on_native(self, piece: NDArray[np.intp], v: FloatArray) -> tuple[FloatArray, FloatArray]:
         """U (n,) at the own parameters v (n,) of such pieces (n,), and position and three derivatives over v (4, n, dim)."""
+        raise NotImplementedError
+
+    def native_rates(self, d: FloatArray) -> FloatArray:
+        """The first three derivatives (3, n) of u over the own parameter, from those of the axes, d (4, n, dim)."""
         raise NotImplementedError
 
     def native_spacing(self, piece: NDArray[np.intp]) -> FloatArray:

@@ -58,10 +58,10 @@ void blend_tau(int64_t n, const int64_t *shape, const double *share, const int64
 
 /* Write the derivatives 0..order (at most 3) of a chain at u (n) into out (order + 1, n, dim), from the left where left (n) says
  * so; or where piece (n) is no NULL, at the distances u from the starts of those pieces.
- * Pieces: edges (pieces + 1); kind (0 leg, 1 blend, 2 span), its row among those of its kind, and offset (pieces).  Legs: vectors
+ * dim columns; weight (dim) is what the square of each counts in the arc length of blends.  Pieces: edges (pieces + 1); kind (0 leg, 1 blend, 2 span), its row among those of its kind, and offset (pieces).  Legs: vectors
  * (., 4, dim) and rates (., 2); spans: (., dim, 5).  Blends: vertex (., dim), the legs before and after each, its size, length and
  * shape; of each shape the panels from first_panel on, as blend_tabulate makes them, each shape with one edge more. */
-void chain_evaluate(int64_t pieces, int64_t dim, const double *edges, const uint8_t *kind, const int64_t *row,
+void chain_evaluate(int64_t pieces, int64_t dim, const double *weight, const double *edges, const uint8_t *kind, const int64_t *row,
                     const double *offset, const double *legs, const double *leg_rates, const double *spans,
                     const double *vertex, const double *before, const double *before_rates, const double *after,
                     const double *after_rates, const double *size, const double *length, const int64_t *shape,

@@ -86,7 +86,7 @@ class TimeMap:
             v, first, second = place.copy(), rates[0].copy(), rates[1].copy()
             if on.size:
                 v[on] = curve.native_parameter(piece[on], place[on])
-                speeds = speed_derivatives(curve.on_native(piece[on], v[on])[1])
+                speeds = curve.native_rates(curve.on_native(piece[on], v[on])[1])
                 first[on] = rates[0, on] / speeds[0]
                 second[on] = (rates[1, on] - speeds[1] * first[on] ** 2) / speeds[0]
             ends.append((v, first, second))
@@ -237,7 +237,7 @@ class TimeMap:
         if on.size:
             inside, q = self.section.curve.on_native(piece[on], v[on])
             found[0, on] = np.where(last[on] | (d[on] <= 0.0), found[0, on], inside)
-            found[1:, on] = chain_rule(*speed_derivatives(q), *(rate[on] for rate in rates))
+            found[1:, on] = chain_rule(*self.section.curve.native_rates(q), *(rate[on] for rate in rates))
         found[0] = np.clip(found[0], self.u[macro], self.u[macro + 1])
         return found
 
@@ -253,7 +253,7 @@ class TimeMap:
         u, q = self.section.curve.on_native(piece[on], v[on])
         inside = np.clip(u, self.u[macro[on]], self.u[macro[on] + 1])
         path[0, on] = np.where(np.isnan(path[0, on]), inside, path[0, on])
-        path[1:, on] = chain_rule(*speed_derivatives(q), *path[1:, on])
+        path[1:, on] = chain_rule(*self.section.curve.native_rates(q), *path[1:, on])
 
     @cached_property
     def has_native(self) -> bool:

@@ -223,7 +223,7 @@ class _View:
     def fit(self, share: float, room: FloatArray | None) -> _FittedTubes | None:
         """Fit tubes with a share of their tolerance, corners within ``room``; None where the part would have no length."""
         blocks, limits = self.blocks, self.source.limits
-        junctions = classify(blocks.programmed, blocks.tolerance, blocks.stop, room)
+        junctions = classify(blocks.programmed, blocks.tolerance, blocks.stop, room, blocks.apart)
         s = self.edges[1:-1]
         halts = s[(junctions.kind == Junction.STOP) & (s > self.start + _BESIDE) & (s <= self.known)]
         end = float(halts[-1]) if halts.size and halts[-1] > 0.5 * (self.start + self.known) else np.inf

@@ -76,7 +76,7 @@ class Run:
         if blends is not None:
             some = used[Kind.BLEND]
             before, after, size = blends.before.taken(some), blends.after.taken(some), blends.size[some]
-            blends = Blends.between(before, after, size) if some.size else None
+            blends = Blends.between(before, after, size, blends.weight) if some.size else None
         part = replace(
             curve,
             edges=curve.edges[first : last + 1] - u0,
@@ -98,7 +98,8 @@ class Run:
 
     def joined(self, other: Run, *, rests: bool) -> Run:
         """Append the run that follows; ``rests``: the path stops between them."""
-        a, b, at = self.curve, other.curve, self.length
+        a, at = self.curve, self.length
+        b = _moved_on(a, other.curve)
         before = {Kind.LEG: a.legs.rates.shape[0], Kind.BLEND: _count(a.blends), Kind.SPAN: a.spans.shape[0]}
         shift = np.array([before[one] for one in Kind])
         legs = _appended(a.legs, b.legs)
@@ -108,6 +109,7 @@ class Run:
                 _appended(a.blends.before, b.blends.before),
                 _appended(a.blends.after, b.blends.after),
                 np.concatenate([a.blends.size, b.blends.size]),
+                a.blends.weight,
             )
         # A block that the joint cuts in two is one block.
         same = bool(self.row[-1] == other.row[0])
@@ -142,10 +144,11 @@ class Run:
         curve = self.curve
         out = {name: getattr(curve, name) for name in ("edges", "kind", "offset", "spans", "joints", "stops", "marks")}
         out |= {"piece_row": curve.row, "s": self.s, "row": self.row, "u": self.u, "feed": self.feed}
+        out["tip_columns"] = np.array(curve.tip_columns, dtype=np.intp)
         parts = {"legs": curve.legs}
         if curve.blends is not None:
             parts |= {"before": curve.blends.before, "after": curve.blends.after}
-            out["size"] = curve.blends.size
+            out |= {"size": curve.blends.size, "weight": curve.blends.weight}
         for name, legs in parts.items():
             out |= {f"{name}_vectors": legs.vectors, f"{name}_rates": legs.rates}
         return out
@@ -156,7 +159,7 @@ class Run:
         blends = None
         if "size" in arrays:
             before, after = (Legs(arrays[f"{part}_vectors"], arrays[f"{part}_rates"]) for part in ("before", "after"))
-            blends = Blends.between(before, after, arrays["size"])
+            blends = Blends.between(before, after, arrays["size"], arrays["weight"])
         names = ("edges", "kind", "offset", "spans", "joints", "stops", "marks")
         curve = ChainCurve(
             **{key: arrays[key] for key in names},  # type: ignore[arg-type]
@@ -165,6 +168,7 @@ class Run:
             blends=blends,
             axes=axes,
             name=name,
+            tip_columns=tuple(arrays["tip_columns"].astype(int).tolist()),
         )
         return cls(curve, arrays["s"], np.asarray(arrays["row"], dtype=np.intp), arrays["u"], arrays["feed"])
 
@@ -213,6 +217,28 @@ def _split_leg(run: Run, s: float) -> Run:
         offset=np.insert(curve.offset, i + 1, curve.offset[i] + along),
     )
     return replace(run, curve=split, s=np.insert(run.s, i + 1, s))
+
+
+def _moved_on(before: ChainCurve, curve: ChainCurve) -> ChainCurve:
+    """A chain with the columns beyond its axes moved, so that they go on where another one ends."""
+    if curve.columns == curve.dim:
+        return curve
+    end, start = (
+        part.every_column(np.array([part.domain[k]]), 0, np.array([k == 1]))[0, 0]
+        for part, k in ((before, 1), (curve, 0))
+    )
+    by = np.where(np.arange(curve.columns) < curve.dim, 0.0, end - start)
+
+    def moved(legs: Legs) -> Legs:
+        vectors = legs.vectors.copy()
+        vectors[:, 0] += by
+        return Legs(vectors, legs.rates)
+
+    spans, blends = curve.spans.copy(), curve.blends
+    spans[:, :, 0] += by
+    if blends is not None:
+        blends = replace(blends, vertex=blends.vertex + by, before=moved(blends.before), after=moved(blends.after))
+    return replace(curve, legs=moved(curve.legs), spans=spans, blends=blends)
 
 
 def _count(blends: Blends | None) -> int:

@@ -15,7 +15,8 @@ the blocks as they were written.  In the end what a line is off is measured with
 corner beside it may be as well (``sizes``): a spike along a line, or a block across a corner, takes less than its length.
 
 Never left out: the ends of the program, stops, rapids and blocks without a tolerance, arcs longer than 0.2 tolerances, and
-blocks with a feed of their own that would take longer than 0.1 ms.
+blocks with a feed of their own that would take longer than 0.1 ms.  No line stands for blocks whose feed is measured along
+different axes.
 """
 
 from __future__ import annotations
@@ -108,7 +109,7 @@ def absorb(program: Program, blocks: MovingBlocks) -> Absorbed:
         if not kept.all():
             work = _joined(work, np.flatnonzero(kept[:-1]))
         work = _with_arcs_moved(work, share, beside=number == 0)
-    lengths = program.lengths[blocks.row]
+    lengths = np.diff(blocks.programmed.edges)
     gone = (np.bincount(work.owner, minlength=work.own.size)[work.owner] > 1) & (lengths < work.own[work.owner])
     place = np.maximum.accumulate(work.place)
     cost = _measured(work, moves)
@@ -166,7 +167,7 @@ def _pass(work: _Absorbing, share: float, *, beside: bool) -> NDArray[np.bool_]:
     loose[1:] &= small
     if not loose.any():
         return np.ones(loose.size, dtype=np.bool_)
-    alike = np.minimum(_MICRO * own, _SPARE_TIME * blocks.feed)
+    alike = np.minimum(_MICRO * own, _SPARE_TIME * blocks.speed)
     rows = np.column_stack([length, np.where(small, bow, np.inf), blocks.feed, own, work.cost, alike])
     points = np.concatenate([moves.start[:1], moves.end])
     kept = np.empty(loose.size, dtype=np.uint8)
@@ -246,11 +247,11 @@ def _with_arcs_moved(work: _Absorbing, share: float, *, beside: bool) -> _Absorb
     moves, blocks, own, cost = work.moves, work.blocks, work.own, work.cost.copy()
     turn = 2.0 * np.arcsin(np.minimum(0.5 * tangent_jumps(blocks.programmed), 1.0))
     corner = beside | (turn[:-1] > CORNER_TURN) | (turn[1:] > CORNER_TURN)
-    length = moves.lengths
+    length = np.diff(blocks.programmed.edges)
     arc = (moves.kind == ARC) & (_bow(moves, length) > share * own)
     room = share * np.minimum(np.minimum(own[:-2], own[1:-1]), own[2:]) - np.maximum(cost[:-2], cost[1:-1])
     free = ~blocks.stop[:-1] & ~blocks.stop[1:] & corner & arc[:-2] & arc[2:] & ~arc[1:-1]
-    slow = (blocks.feed[1:-1] != blocks.feed[:-2]) & (length[1:-1] > _SPARE_TIME * blocks.feed[1:-1])
+    slow = (blocks.feed[1:-1] != blocks.feed[:-2]) & (length[1:-1] > _SPARE_TIME * blocks.speed[1:-1])
     gone = 1 + np.flatnonzero(free & ~slow & (length[1:-1] <= room))
     if gone.size == 0:
         return work
@@ -297,7 +298,7 @@ def _loose(blocks: MovingBlocks, own: FloatArray, *, beside: bool) -> NDArray[np
         behind = np.where(np.append(False, tight), edges - wanted, np.inf)
         loose |= edges <= np.maximum.accumulate(ahead)
         loose |= edges >= np.minimum.accumulate(behind[::-1])[::-1]
-    fixed = blocks.stop | (allowed <= 0.0)
+    fixed = blocks.stop | blocks.apart | (allowed <= 0.0)
     loose[1:-1] &= ~fixed
     loose[[0, -1]] = False
     return loose
@@ -308,7 +309,7 @@ def _joined(work: _Absorbing, first: NDArray[np.intp]) -> _Absorbing:
     moves, cost = work.moves, work.cost
     last = np.append(first[1:], cost.size) - 1
     several = last > first
-    length = moves.lengths
+    length = np.diff(work.blocks.programmed.edges)
     row = np.repeat(np.arange(first.size), last - first + 1)
     start, end = moves.start[first], moves.end[last]
     vector = end - start

@@ -7,6 +7,7 @@
 | up to 45 degrees, and the blocks far too short for the corner | tube |
 | a smaller turn, or a jump of curvature | tube |
 | a corner too small to be worth passing | exact stop |
+| where the feed begins to be measured along other axes | cubic corner, or exact stop |
 | neither | nothing: the blocks go on smoothly |
 
 A cubic corner of size A passes the vertex at A |t2 - t1| and takes 8 A of either block.  A corner between lines keeps the
@@ -37,7 +38,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.geometry.blend import BLEND_REACH, Blends
+from planner.geometry.blend import BLEND_REACH, Blends, Legs
 from planner.geometry.differential import curvature_vector, norm
 from planner.programs.path.deviation import Programmed
 from planner.types import FloatArray
@@ -94,7 +95,11 @@ class Junctions:
 
 
 def classify(
-    programmed: Programmed, tolerance: FloatArray, stop: NDArray[np.bool_], room: FloatArray | None = None
+    programmed: Programmed,
+    tolerance: FloatArray,
+    stop: NDArray[np.bool_],
+    room: FloatArray | None = None,
+    apart: NDArray[np.bool_] | None = None,
 ) -> Junctions:
     """Decide what every junction becomes.
 
@@ -108,6 +113,8 @@ def classify(
         Stops that the program demands.
     room : (m - 1,) array, optional
         How far corners may pass from their vertices, mm, in place of the tolerance.
+    apart : (m - 1,) bool array, optional
+        Junctions that no tube may pass, whatever their turn: the feed is measured along other axes from there on.
     """
     edges, length = programmed.edges, np.diff(programmed.edges)
     before, after = (tangents(programmed, edges[1:-1], left=left) for left in (True, False))
@@ -118,7 +125,8 @@ def classify(
     allowed = np.minimum(tolerance[:-1], tolerance[1:])
     bent = bend > _SMOOTH_BEND * np.maximum(largest, 1.0 / np.minimum(length[:-1], length[1:]))
     kind = np.where((turn > _SMOOTH_TURN) | bent, Junction.TUBE, Junction.SMOOTH).astype(np.int8)
-    kind[turn > CORNER_TURN] = Junction.CORNER
+    apart = np.zeros(turn.size, dtype=np.bool_) if apart is None else apart
+    kind[(turn > CORNER_TURN) | apart] = Junction.CORNER
     kind[stop | (turn > MAX_TURN)] = Junction.STOP
     kind[(allowed <= 0.0) & (kind != Junction.SMOOTH)] = Junction.STOP
     # Where the exact mode begins or ends, a tube must not lead on, however straight the program goes on.
@@ -136,7 +144,7 @@ def classify(
         fits = np.minimum(space[:-1], space[1:])[corner] / BLEND_REACH
         size[:] = 0.0
         size[corner] = np.minimum(full, fits)
-        weak = (fits < _WORTH_SHRINKING * full) & (turn[corner] <= SHARP_TURN)
+        weak = (fits < _WORTH_SHRINKING * full) & (turn[corner] <= SHARP_TURN) & ~apart[corner]
         kind[np.flatnonzero(corner)[weak]] = Junction.TUBE
         kind[(kind == Junction.CORNER) & (size < _SMALLEST * longer)] = Junction.STOP
         size[kind != Junction.CORNER] = 0.0
@@ -157,12 +165,18 @@ def tangents(programmed: Programmed, s: FloatArray, *, left: bool) -> tuple[Floa
     return d[1] / norm(d[1])[:, None], curvature_vector(d)
 
 
-def blends_at(programmed: Programmed, junctions: Junctions, at: NDArray[np.intp]) -> Blends:
-    """The blends of the corners ``at``."""
+def blends_at(
+    programmed: Programmed,
+    junctions: Junctions,
+    at: NDArray[np.intp],
+    columns: tuple[Legs, FloatArray] | None = None,
+) -> Blends:
+    """The blends of the corners ``at``, of other columns of the blocks where these are given with their weights."""
     length = np.diff(programmed.edges)
-    before = programmed.legs.taken(at).from_point(length[at], backwards=True)
-    after = programmed.legs.taken(at + 1).from_point(np.zeros(at.size), backwards=False)
-    return Blends.between(before, after, junctions.size[at])
+    legs, weight = (programmed.legs, None) if columns is None else columns
+    before = legs.taken(at).from_point(length[at], backwards=True)
+    after = legs.taken(at + 1).from_point(np.zeros(at.size), backwards=False)
+    return Blends.between(before, after, junctions.size[at], weight)
 
 
 def _fit_to_arcs(programmed: Programmed, junctions: Junctions, allowed: FloatArray) -> None:

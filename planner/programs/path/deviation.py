@@ -33,10 +33,20 @@ _BLOCK = 200_000  # points at a time
 
 @dataclass(frozen=True, eq=False)
 class Programmed:
-    """The programmed path: block i is leg i, from abscissa edges[i] to edges[i + 1], mm."""
+    """The programmed path: block i is leg i, from abscissa edges[i] to edges[i + 1], mm.
+
+    ``scale`` (dim,) is what the coordinates of a curve are multiplied by to be those of the legs, where that is not 1;
+    ``per_feed`` (m,) by how much more the abscissa rises in a block than the way that its feed is measured along.
+    """
 
     edges: FloatArray
     legs: Legs
+    scale: FloatArray | float = 1.0
+    per_feed: FloatArray | float = 1.0
+
+    def of_curve(self, curve: Curve, u: FloatArray, order: int) -> FloatArray:
+        """Derivatives 0..order of a curve in the units of the legs."""
+        return curve.derivatives(u, order) * self.scale
 
     def at(self, s: FloatArray, *, left: bool = False) -> FloatArray:
         """Position and three derivatives (4, n, dim) at the abscissae s (n,)."""
@@ -150,12 +160,12 @@ def deviation(
 
     def from_path(u: FloatArray) -> FloatArray:
         s = np.interp(u, u_edges, s_edges)
-        return programmed.distance(curve.derivatives(u, 0)[0], s, np.full(u.size, window))
+        return programmed.distance(programmed.of_curve(curve, u, 0)[0], s, np.full(u.size, window))
 
     def from_program(s: FloatArray) -> FloatArray:
         u = np.interp(s, s_edges, u_edges)
         lo, hi = np.maximum(u - window, u_edges[0]), np.minimum(u + window, u_edges[-1])
-        return foot_distance(lambda at: curve.derivatives(at, 2), programmed.at(s)[0], u, lo, hi)
+        return foot_distance(lambda at: programmed.of_curve(curve, at, 2), programmed.at(s)[0], u, lo, hi)
 
     found = []
     inner = u_edges if pieces is None else pieces

@@ -1,46 +1,73 @@
-"""The moves of a part program as legs: what the path, its parts and the measure of their deviation are made of."""
+"""The moves of a part program as legs: what the path, its parts and the measure of their deviation are made of.
+
+A distance between two points of several axes is sqrt(sum of squares), a degree counted as a mm: so is the abscissa, the
+tolerance, and all that a path is made by.  What is within P of the program in this sense is so in X Y Z alone, in U V W, and
+in A B C, in degrees.
+
+The feed is measured on another path, of which each move has a part by LinuxCNC's rule: X Y Z where these move, else U V W,
+else A B C in degrees.  X Y Z stand still in the moves of the other kinds; so this path is X Y Z, and further columns that
+advance in the moves that are measured along them alone.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.errors import CurveError, InputError
+from planner.errors import CurveError
 from planner.geometry.blend import Legs
-from planner.geometry.curve import AXES
+from planner.geometry.curve import AXES, DEGREES, ROTARY_AXES
 from planner.geometry.tolerance import DEFAULT_TOLERANCE
 from planner.programs.path.deviation import Programmed
-from planner.programs.reading.program import ARC, RAPID, Program
-from planner.types import FloatArray
+from planner.programs.reading.program import ARC, FEED_GROUPS, RAPID, Program
+from planner.types import BoolArray, FloatArray, IntArray
+
+_TURNS_BACK = np.cos(np.deg2rad(150.0))  # of the path the feed is measured on: there its speed would fall to 0
 
 
 @dataclass(frozen=True, eq=False)
 class MovingBlocks:
-    """The blocks that move, in the axes that move: rows of the program with a length."""
+    """The blocks that move, in the axes that move: rows of the program with a length.
 
-    row: NDArray[np.intp]
+    Attributes
+    ----------
+    row : (m,) int array
+    axes : tuple of str
+    programmed : Programmed
+        In mm and degrees.
+    tolerance, feed : (m,) arrays
+        In force at each; the feed as the program measures it.
+    rapid : (m,) bool array
+    stop : (m - 1,) bool array
+        Stops that the program demands, and places where the tool turns back.
+    group : (m,) uint8 array
+        Index into ``FEED_GROUPS``: what the feed is measured along.
+    turns_back : (m - 1,) bool array
+        The path that the feed is measured on turns by more than 150 degrees.
+    """
+
+    row: IntArray
     axes: tuple[str, ...]
     programmed: Programmed
     tolerance: FloatArray
     feed: FloatArray
-    rapid: NDArray[np.bool_]
-    stop: NDArray[np.bool_]
+    rapid: BoolArray
+    stop: BoolArray
+    group: NDArray[np.uint8]
+    turns_back: BoolArray
 
     @classmethod
-    def of(cls, program: Program, tolerance: float | None, moves: NDArray[np.bool_] | None = None) -> MovingBlocks:
-        """Take the moves as legs, in the axes that move or those of ``moves`` (3,)."""
+    def of(cls, program: Program, tolerance: float | None, moves: BoolArray | None = None) -> MovingBlocks:
+        """Take the moves as legs, in the axes that move or those of ``moves`` (9,)."""
         row = np.flatnonzero(program.lengths > 0.0)
         if not row.size:
             raise CurveError(
                 f"{program.source}: the program moves nothing, in the digits of its numbers; a path needs a move"
             )
         moves = moving_axes(program) if moves is None else moves
-        if moves[3:].any():
-            axis = 3 + int(np.argmax(moves[3:]))
-            line = int(program.axis_lines[axis])
-            raise InputError(f"{program.source}:{line}: {AXES[axis]}: moves of X, Y and Z alone are planned so far")
         legs, length = _legs(program, row, moves)
         edges = np.concatenate([[0.0], np.cumsum(length)])
         given = program.tolerance[row]
@@ -52,22 +79,128 @@ class MovingBlocks:
         # a stop between two moves that stay counts, also after a move of length 0
         stop = (halts[row[1:]] > halts[row[:-1]]) | rapid[:-1] | rapid[1:]
         axes = tuple(name for name, moving in zip(AXES, moves, strict=True) if moving)
-        return cls(row, axes, Programmed(edges, legs), own, program.feed[row], rapid, stop)
+        group = program.feed_group[row]
+        scale = np.array([DEGREES if name in ROTARY_AXES else 1.0 for name in axes])
+        programmed = Programmed(edges, legs, scale, length / program.lengths[row])
+        back = np.zeros(stop.size, dtype=np.bool_)
+        if moves[3:].any():
+            back = _turning_back(programmed, group, axes)
+        return cls(row, axes, programmed, own, program.feed[row], rapid, stop | back, group, back)
+
+    @property
+    def apart(self) -> BoolArray:
+        """Junctions at which the feed begins to be measured along other axes, (m - 1,)."""
+        return np.asarray(self.group[1:] != self.group[:-1])
+
+    @property
+    def speed(self) -> FloatArray:
+        """Cap on the rate of the abscissa by the feed of every block, (m,), mm/s."""
+        return self.feed * self.programmed.per_feed
+
+    @cached_property
+    def columns(self) -> ChainColumns:
+        """What the pieces of a chain are made of."""
+        return ChainColumns.of(self)
 
 
-def moving_axes(program: Program) -> NDArray[np.bool_]:
-    """Which of X, Y and Z move, (3,); at least two, since a path has two axes or more."""
+@dataclass(frozen=True, eq=False)
+class ChainColumns:
+    """Columns of the pieces of a chain: the axes, in mm and rad, and the path that the feed is measured on.
+
+    Attributes
+    ----------
+    scale : (d,) array
+        Of the axes, rad per degree or 1.
+    extra : tuple of (int, int)
+        Of every further column the axis that it follows and the group whose moves advance it.
+    start : (m, e) array
+        Where the further columns are at the start of every block.
+    """
+
+    scale: FloatArray
+    extra: tuple[tuple[int, int], ...]
+    start: FloatArray
+    tip: tuple[int, ...]
+    blocks: MovingBlocks
+
+    @classmethod
+    def of(cls, blocks: MovingBlocks) -> ChainColumns:
+        """Find which are needed: none where every move is one of X Y Z, in these axes alone."""
+        axes, group = blocks.axes, blocks.group
+        columns = [[j for j, name in enumerate(axes) if name in AXES[part]] for part in FEED_GROUPS]
+        extra = tuple((j, g) for g in (1, 2) if (group == g).any() for j in columns[g])
+        vectors, length = blocks.programmed.legs.vectors, np.diff(blocks.programmed.edges)
+        steps = (
+            np.stack([np.where(group == g, vectors[:, 3, j] * length, 0.0) for j, g in extra], axis=1)
+            if extra
+            else np.empty((group.size, 0))
+        )
+        start = np.concatenate([np.zeros((1, len(extra))), np.cumsum(steps, axis=0)])[:-1]
+        tip = (*columns[0], *range(len(axes), len(axes) + len(extra)))
+        scale = np.array([1.0 / DEGREES if name in ROTARY_AXES else 1.0 for name in axes])
+        return cls(scale, extra, start, () if len(columns[0]) == len(axes) else tip, blocks)
+
+    @property
+    def weight(self) -> FloatArray:
+        """What the square of each column counts in the abscissa."""
+        return np.concatenate([self.scale**-2.0, np.zeros(len(self.extra))])
+
+    def legs(self) -> Legs:
+        """The blocks."""
+        legs = self.blocks.programmed.legs
+        if not self.tip:
+            return legs
+        vectors = np.concatenate(
+            [legs.vectors * self.scale, np.zeros((*legs.vectors.shape[:2], len(self.extra)))], axis=2
+        )
+        for k, (j, g) in enumerate(self.extra, start=len(self.scale)):
+            vectors[:, 0, k] = self.start[:, k - len(self.scale)]
+            vectors[:, 3, k] = np.where(self.blocks.group == g, legs.vectors[:, 3, j], 0.0)
+        return Legs(vectors, legs.rates)
+
+    def spans(self, powers: FloatArray, first: float) -> FloatArray:
+        """A tube from an abscissa on, within which the feed is measured along the same axes: its powers (n, d, 5)."""
+        if not self.tip:
+            return powers
+        edges, group = self.blocks.programmed.edges, self.blocks.group
+        block = int(np.clip(np.searchsorted(edges, first, side="right") - 1, 0, group.size - 1))
+        out = np.concatenate(
+            [powers * self.scale[:, None], np.zeros((powers.shape[0], len(self.extra), powers.shape[2]))], axis=1
+        )
+        for k, (j, g) in enumerate(self.extra):
+            column = out[:, len(self.scale) + k]
+            column[:, 0] = self.start[block, k]
+            if group[block] == g:
+                column[:] += powers[:, j]
+                column[:, 0] -= self.blocks.programmed.legs.vectors[block, 0, j]
+        return out
+
+
+def moving_axes(program: Program) -> BoolArray:
+    """Which of the nine axes move, (9,); X, Y or Z among them and at least two, since a path has two axes or more."""
     moves = np.maximum(program.start.max(axis=0), program.end.max(axis=0)) > np.minimum(
         program.start.min(axis=0), program.end.min(axis=0)
     )
     arcs = program.kind == ARC
     moves[np.unique((program.normal[arcs][:, None] + np.array([1, 2])) % 3)] = True
-    if moves.sum() < 2:
-        moves[[k for k in range(3) if not moves[k]][: 2 - int(moves.sum())]] = True
+    named = [k for k in range(3) if program.axis_lines[k]]
+    for k in (*named, 0, 1, 2):
+        if moves.sum() < 2 or not moves[:3].any():
+            moves[k] = True
     return np.asarray(moves)
 
 
-def _legs(program: Program, row: NDArray[np.intp], moves: NDArray[np.bool_]) -> tuple[Legs, FloatArray]:
+def _turning_back(programmed: Programmed, group: NDArray[np.uint8], axes: tuple[str, ...]) -> BoolArray:
+    """Junctions at which the path that the feed is measured on turns back, (m - 1,)."""
+    measured = np.array([[name in AXES[part] for name in axes] for part in FEED_GROUPS])
+    at = programmed.edges[1:-1]
+    before, after = (programmed.at(at, left=left)[1] for left in (True, False))
+    before, after = before * measured[group[:-1]], after * measured[group[1:]]
+    sizes = np.sqrt(np.sum(before**2, axis=1) * np.sum(after**2, axis=1))
+    return np.asarray((np.sum(before * after, axis=1) < _TURNS_BACK * sizes) & (group[1:] == group[:-1]))
+
+
+def _legs(program: Program, row: IntArray, moves: BoolArray) -> tuple[Legs, FloatArray]:
     """Legs of the moves ``row`` in the axes that move, and their lengths, for which a degree counts as a mm."""
     columns = np.flatnonzero(moves)
     start, end = program.start[row][:, columns], program.end[row][:, columns]
@@ -87,7 +220,7 @@ def _legs(program: Program, row: NDArray[np.intp], moves: NDArray[np.bool_]) -> 
     return Legs(vectors, rates), length
 
 
-def _arcs(program: Program, row: NDArray[np.intp], length: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _arcs(program: Program, row: IntArray, length: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Vectors (n, 4, 3) in X Y Z and rates (n, 2) of the arcs ``row`` of these lengths (n,)."""
     start, end, centre = program.start[row, :3], program.end[row, :3], program.centre[row]
     normal = np.eye(3)[program.normal[row]]

@@ -174,7 +174,7 @@ def _build(blocks: MovingBlocks, limits: Limits, share: float, room: FloatArray 
 
     ``share`` is the part of the tolerance that the tubes may use, ``room`` what the corners may.
     """
-    junctions = classify(blocks.programmed, blocks.tolerance, blocks.stop, room)
+    junctions = classify(blocks.programmed, blocks.tolerance, blocks.stop, room, blocks.apart)
     reasons: dict[int, str] = {}
     tubes: list[Fitted] = []
     todo = _stretches(blocks, junctions)[::-1]
@@ -271,7 +271,9 @@ def _assemble(
     """Chain the pieces: the curve, and its edges in u and in s."""
     edges = blocks.programmed.edges
     corners = np.flatnonzero(junctions.kind == Junction.CORNER)
-    blends = blends_at(blocks.programmed, junctions, corners) if corners.size else None
+    columns = blocks.columns
+    legs = columns.legs()
+    blends = blends_at(blocks.programmed, junctions, corners, (legs, columns.weight)) if corners.size else None
     reach = junctions.reach[corners]
     c0, c1 = edges[1:-1][corners] - reach, edges[1:-1][corners] + reach
     t0, t1 = (np.array([tube.knots[k] for tube in tubes]) for k in (0, -1))
@@ -283,7 +285,8 @@ def _assemble(
     block = np.clip(np.searchsorted(edges, middle[on_leg], side="right") - 1, 0, edges.size - 2)
     counts = [tube.knots.size - 1 for tube in tubes]
     before = np.concatenate([[0], np.cumsum(counts)]).astype(np.intp)
-    spans = np.concatenate([tube.powers for tube in tubes]) if tubes else np.empty((0, len(blocks.axes), 5))
+    none = np.empty((0, legs.vectors.shape[2], 5))
+    spans = np.concatenate([none, *(columns.spans(tube.powers, float(tube.knots[0])) for tube in tubes)])
     starts = [cuts[on_leg], c0, *(tube.knots[:-1] for tube in tubes)]
     lengths = [cuts[on_leg + 1] - cuts[on_leg], blends.length if blends else np.empty(0)]
     lengths += [np.diff(tube.knots) for tube in tubes]
@@ -303,7 +306,7 @@ def _assemble(
         kind=kinds[order],
         row=rows[order],
         offset=offsets[order],
-        legs=blocks.programmed.legs,
+        legs=legs,
         blends=blends,
         spans=spans,
         joints=u_edges[np.searchsorted(s_edges, joints)],
@@ -311,6 +314,7 @@ def _assemble(
         marks=np.interp(edges[1:-1][blocks.feed[1:] != blocks.feed[:-1]], s_edges, u_edges),
         axes=blocks.axes,
         name="program",
+        tip_columns=columns.tip,
     )
     return curve, u_edges, s_edges
 
@@ -421,12 +425,12 @@ def _reason(blocks: MovingBlocks, junctions: Junctions, reasons: dict[int, str],
     """Why there is an exact stop at junction k."""
     if k in reasons:
         return reasons[k]
-    if blocks.rapid[k] or blocks.rapid[k + 1]:
-        return "beside a rapid"
-    if blocks.stop[k]:
-        return _DEMANDED
-    if junctions.turn[k] > np.deg2rad(150.0):
-        return f"a turn of {np.rad2deg(junctions.turn[k]):.0f} degrees"
-    if min(blocks.tolerance[k], blocks.tolerance[k + 1]) > 0.0:
-        return "a corner so small that stopping is faster"
-    return "no tolerance"
+    small = min(blocks.tolerance[k], blocks.tolerance[k + 1]) > 0.0
+    every = (
+        ("beside a rapid", blocks.rapid[k] or blocks.rapid[k + 1]),
+        ("the tool turns back", blocks.turns_back[k]),
+        (_DEMANDED, blocks.stop[k]),
+        (f"a turn of {np.rad2deg(junctions.turn[k]):.0f} degrees", junctions.turn[k] > np.deg2rad(150.0)),
+        ("a corner so small that stopping is faster", small),
+    )
+    return next((reason for reason, holds in every if holds), "no tolerance")

@@ -283,10 +283,13 @@ def _take_speed(
     s = np.union1d(edges, 0.5 * (edges[1:] + edges[:-1]))
     d = spline.derivatives(s)
     size = np.sqrt(np.sum(d[1] ** 2, axis=1))[:, None]
-    velocity, acceleration, jerk = (row[moving] for row in (limits.velocity, limits.acceleration, limits.jerk))
+    rows = (row * programmed.scale for row in (limits.velocity, limits.acceleration, limits.jerk))
+    velocity, acceleration, jerk = (row[moving] for row in rows)
     block = np.clip(np.searchsorted(programmed.edges, s, side="right") - 1, 0, feed.size - 1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        ceiling = np.minimum(feed[block], np.fmin.reduce(velocity / np.abs(d[1] / size), axis=1))
+        ceiling = np.minimum(
+            (feed * programmed.per_feed)[block], np.fmin.reduce(velocity / np.abs(d[1] / size), axis=1)
+        )
         ceiling = np.fmin(ceiling, np.sqrt(np.fmin.reduce(acceleration / np.abs(d[2]), axis=1)))
         along = [np.fmin.reduce(row / np.abs(d[1] / size), axis=1) for row in (acceleration, jerk)]
     ceiling = np.where(np.isfinite(ceiling), ceiling, 1e4)

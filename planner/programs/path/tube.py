@@ -29,6 +29,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -214,12 +215,35 @@ def _normals(tangent: FloatArray) -> tuple[list[FloatArray], float]:
     """Unit normals of the tangents (m, d), and the share of the tolerance that each may use."""
     if tangent.shape[1] == 2:
         return [np.column_stack([-tangent[:, 1], tangent[:, 0]])], 1.0
-    least = np.eye(3)[np.argmin(np.abs(tangent), axis=1)]
-    n1 = np.cross(tangent, least)
-    n1 /= np.sqrt(np.sum(n1**2, axis=1))[:, None]
-    n2 = np.cross(tangent, n1)
     half = np.sqrt(0.5)
-    return [n1, n2, half * (n1 + n2), half * (n1 - n2)], _OCTAGON
+    if tangent.shape[1] == 3:
+        least = np.eye(3)[np.argmin(np.abs(tangent), axis=1)]
+        n1 = np.cross(tangent, least)
+        n1 /= np.sqrt(np.sum(n1**2, axis=1))[:, None]
+        n2 = np.cross(tangent, n1)
+        return [n1, n2, half * (n1 + n2), half * (n1 - n2)], _OCTAGON
+    across = _across(tangent)
+    pairs = [half * (a + sign * b) for a, b in combinations(across, 2) for sign in (1.0, -1.0)]
+    # The corners of |x_i| <= 1, |x_i +- x_j| <= sqrt(2) are (1, sqrt(2) - 1, ..) and (1, 1, ..) / sqrt(2).
+    count = len(across)
+    farthest = max(1.0 + (count - 1) * (np.sqrt(2.0) - 1.0) ** 2, 0.5 * count)
+    return [*across, *pairs], float(1.0 / np.sqrt(farthest))
+
+
+def _across(tangent: FloatArray) -> list[FloatArray]:
+    """Orthonormal vectors across unit tangents (m, d), d - 1 of (m, d): Householder's reflection of one axis onto each."""
+    rows, dim = np.arange(tangent.shape[0]), tangent.shape[1]
+    main = np.argmax(np.abs(tangent), axis=1)
+    mirror = tangent.copy()
+    mirror[rows, main] += np.copysign(1.0, tangent[rows, main])
+    square = np.sum(mirror**2, axis=1)
+    out = []
+    for step in range(1, dim):
+        axis = (main + step) % dim
+        normal = -2.0 * mirror * (mirror[rows, axis] / square)[:, None]
+        normal[rows, axis] += 1.0
+        out.append(normal)
+    return out
 
 
 def _objective(tube: Tube, basis: FloatArray) -> FloatArray:
