@@ -117,6 +117,7 @@ TOPICS = {
     "plan/test_extreme.py": "curves and machines at the edges of what is allowed",
     "plan/test_plan_ends.py": "ends of a plan",
     "plan/test_two_sided.py": "rows whose bounds are not symmetric",
+    "programs/path/test_path_of_axes.py": "paths of rotary axes and of U V W",
     "programs/reading/test_axes.py": "words of rotary axes and of U V W",
     "programs/reading/test_refusals.py": "programs that are refused",
     "programs/test_machine_setup.py": "homes, work offsets and tool changes of a machine file",

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from planner.errors import BrokenLimitError, InputError
 from planner.files.whole_file import whole_file
-from planner.geometry.curve import Curve
+from planner.geometry.curve import AXES, DEGREES, Curve
 from planner.inputs import positive_number, require_instance
 from planner.law import TimeLaw
 from planner.profile import FeedrateProfile
@@ -31,13 +31,11 @@ from planner.verify import Report, check
 
 FeedMode = Literal["feed", "inverse_time"]
 
-_LEVER_MM = 100.0  # an angle counts as the way of a point at this distance from its axis
 _PROBES = 16  # inside a block, at Chebyshev points: they miss the peak of a parabola by at most 1 %
 _PROBE_SHARE = 0.98
 _MIN_TOLERANCE_MM = 1e-6  # coordinates are written with up to 9 decimals
 _MAX_HALVINGS = 30
 _MAX_BLOCKS = 5_000_000
-_DEGREES = 180.0 / np.pi
 _F_DIGITS = 8  # of the feed: the block times then sum to the duration within 1e-8
 
 
@@ -84,11 +82,11 @@ def write_ngc(
         A profile is cut into blocks of at most ``block_time``, shorter where the tolerance or a corner asks for it.
         Samples become a block each, as they are: their distance to the curve is measured, not bounded.
     tolerance : float
-        Largest distance between the curve and what the controller may make of the program, mm.  A rotary axis counts
-        with its way at 100 mm from the axis.
+        Largest distance between the curve and what the controller may make of the program, mm; a degree of a rotary axis
+        counts as a mm.
     mode : {"feed", "inverse_time"}
-        F as feed in mm/min (G94) or as blocks a minute (G93).  Under G94 the feed is that of the linear axes together,
-        of the rotary ones where no linear axis moves.
+        F as feed in mm/min (G94) or as blocks a minute (G93).  Under G94 the feed is that of X Y Z together, of U V W where
+        none of these moves, and where none of those moves either of A B C, in degrees a minute.
     block_time : float
         Longest time of a block, s: the steps in which the feed is given.
     inserted : sequence of (float, str)
@@ -193,7 +191,7 @@ def _rounded(
     curve: Curve, u: FloatArray, t: FloatArray, position: FloatArray, stops: NDArray[np.bool_], decimals: int
 ) -> _WrittenLines:
     """Points as they are written; those that rounding makes equal become one, and the time stays with the next."""
-    scale = np.array([1.0 if unit == "mm" else _DEGREES for unit in curve.axis_units])
+    scale = np.array([1.0 if unit == "mm" else DEGREES for unit in curve.axis_units])
     points = np.round(position * scale, decimals)
     keep = np.append(True, np.any(np.diff(points, axis=0) != 0.0, axis=1))
     last = int(np.flatnonzero(keep)[-1])
@@ -213,7 +211,7 @@ def _positions(curve: Curve, u: FloatArray) -> FloatArray:
 
 def _deviations(curve: Curve, u: FloatArray, points: FloatArray) -> FloatArray:
     """Largest distance, in each block, from probes of the curve to the line between the points, (n - 1,), mm."""
-    lever = np.array([1.0 if unit == "mm" else _LEVER_MM for unit in curve.axis_units])
+    lever = np.array([1.0 if unit == "mm" else DEGREES for unit in curve.axis_units])
     fraction = 0.5 - 0.5 * np.cos(np.pi * (np.arange(_PROBES) + 0.5) / _PROBES)
     largest = np.empty(u.size - 1)
     for lo in range(0, u.size - 1, 100_000):
@@ -256,11 +254,13 @@ def _merge_times(fixed: FloatArray, others: FloatArray, distance: float) -> Floa
 
 
 def _lengths(curve: Curve, points: FloatArray) -> FloatArray:
-    """Way of every block that F counts, mm; degrees where only rotary axes move."""
-    linear = np.array([unit == "mm" for unit in curve.axis_units])
+    """Way of each block that F counts: along X Y Z where any of these moves, else along U V W, else along A B C, degrees."""
     step = np.diff(points, axis=0)
-    way, turn = (np.sqrt(np.sum(step[:, chosen] ** 2, axis=1)) for chosen in (linear, ~linear))
-    return np.where(way > 0.0, way, turn)
+    way = np.zeros(step.shape[0])
+    for group in (AXES[:3], AXES[6:], AXES[3:6]):
+        chosen = np.array([axis in group for axis in curve.axes])
+        way = np.where(way > 0.0, way, np.sqrt(np.sum(step[:, chosen] ** 2, axis=1)))
+    return way
 
 
 def _lines(

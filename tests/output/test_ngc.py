@@ -122,7 +122,7 @@ class TestOfAProfile:
         assert written.deviation <= 0.005
 
     def test_an_angle_counts_at_a_lever(self, tmp_path):
-        """A parabola of the angle alone, of height 0.25 rad on the chord: 25 mm at 100 mm."""
+        """A parabola of the angle alone, of height 0.25 rad on the chord: 14.3 degrees, which count as so many mm."""
         curve = NurbsCurve([[0, 0, 0], [10, 0, 0.5], [20, 0, 0]], [0, 0, 0, 1, 1, 1], 2, axes=["X", "Y", "A"])
         profile = plan_feedrate(curve, Limits(50, [100] * 3, [500] * 3, [5000] * 3, axes="XYA"))
         few = write_ngc(tmp_path / "a.ngc", curve, profile, tolerance=10.0, block_time=profile.duration)

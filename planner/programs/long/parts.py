@@ -27,7 +27,7 @@ from planner.programs.long.run import Run, cut_run
 from planner.programs.path.absorb import Absorbed, absorb
 from planner.programs.path.corners import Junction, Junctions, classify
 from planner.programs.path.measure import LinePlace, Written, largest_deviation
-from planner.programs.path.moves import MovingBlocks
+from planner.programs.path.moves import MovingBlocks, ProgramAxes
 from planner.programs.path.smooth_path import (
     _MARGIN,
     _SHORT_REST,
@@ -104,7 +104,7 @@ class PathSource:
     """A program, and what its path depends on besides: axes that move, the tolerance in place of its own, limits."""
 
     program: Program
-    moves: NDArray[np.bool_]
+    used: ProgramAxes
     tolerance: float | None
     limits: Limits
 
@@ -116,7 +116,7 @@ class PathSource:
     @cached_property
     def absorbed(self) -> Absorbed:
         """What absorption leaves of the program: the same for every part, so that parts join."""
-        return absorb(self.program, MovingBlocks.of(self.program, self.tolerance, self.moves))
+        return absorb(self.program, MovingBlocks.of(self.program, self.tolerance, self.used))
 
     def given(self, first: int, last: int) -> slice:
         """Which of ``row`` the moves from ``first`` to before ``last`` stand for."""
@@ -184,11 +184,11 @@ class _View:
         absorbed = source.absorbed
         size = len(absorbed.program)
         first, last = max(cursor.row - _HISTORY, 0), min(cursor.row + count, size)
-        blocks = MovingBlocks.of(rows_of(absorbed.program, slice(first, last)), None, source.moves)
+        blocks = MovingBlocks.of(rows_of(absorbed.program, slice(first, last)), None, source.used)
         edges = blocks.programmed.edges
         some = source.given(first, last)
         given = source.row[some]
-        programmed = MovingBlocks.of(rows_of(source.program, given), source.tolerance, source.moves).programmed
+        programmed = MovingBlocks.of(rows_of(source.program, given), source.tolerance, source.used).programmed
         begin = float(absorbed.edges[first])
         place = _at_edges(absorbed.place[some.start : some.stop + 1] - begin, edges)
         lines = [(lo - begin, hi - begin, tolerance) for lo, hi, tolerance in absorbed.lines(first, last)]

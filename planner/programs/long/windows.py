@@ -34,7 +34,6 @@ import numpy as np
 
 from planner.errors import InputError
 from planner.files.whole_file import require_writable
-from planner.geometry.curve import AXES
 from planner.inputs import positive_number, require_path
 from planner.machine.limits import SCALARS, Limits
 from planner.programs.long.done import Done
@@ -42,7 +41,7 @@ from planner.programs.long.journal import FORMAT, Journal
 from planner.programs.long.parts import PathSource
 from planner.programs.long.restore import restored
 from planner.programs.long.window import Planner
-from planner.programs.path.moves import moving_axes
+from planner.programs.path.moves import ProgramAxes
 from planner.programs.reading.program import Program
 from planner.programs.reading.reader import read_program
 from planner.programs.times import LineTimes, combined, write_line_times
@@ -200,8 +199,8 @@ def _path_source(program: Program, limits: Limits, tolerance: float | None) -> P
         raise InputError(
             f"{program.source}: the program moves nothing, in the digits of its numbers; a plan needs a move"
         )
-    moves = moving_axes(program)
-    axes = tuple(name for name, moving in zip(AXES, moves, strict=True) if moving)
+    used = ProgramAxes.of(program)
+    axes = used.names
     missing = [name for name in axes if name not in limits.axes]
     if missing:
         raise InputError(f"the machine has no axis {missing[0]}; its axes are {', '.join(limits.axes)}")
@@ -211,7 +210,7 @@ def _path_source(program: Program, limits: Limits, tolerance: float | None) -> P
         raise InputError(
             "a program is planned in windows only where velocity, acceleration and jerk of every axis that moves are finite"
         )
-    return PathSource(program, moves, tolerance, Limits(limits.feed, **rows, axes=axes, rapid=limits.rapid))
+    return PathSource(program, used, tolerance, Limits(limits.feed, **rows, axes=axes, rapid=limits.rapid))
 
 
 def _identity(path: PathSource, limits: Limits) -> str:

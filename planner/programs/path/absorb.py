@@ -29,7 +29,6 @@ from numpy.typing import NDArray
 
 from planner.compiled import core
 from planner.geometry.blend import BLEND_REACH
-from planner.geometry.curve import AXES
 from planner.programs.path.corner_sizes import rooms
 from planner.programs.path.corners import CORNER_TURN, SHARE_OF_BLOCK, tangent_jumps
 from planner.programs.path.deviation import Programmed
@@ -144,8 +143,7 @@ class _Absorbing:
         ``on`` says where on the new moves the old ones begin, as a share of their length.
         """
         own = np.minimum.reduceat(self.own, first)
-        axes = np.isin(AXES, self.blocks.axes)
-        blocks = MovingBlocks.of(replace(moves, tolerance=own), None, axes)
+        blocks = MovingBlocks.of(replace(moves, tolerance=own), None, self.blocks.used)
         edges = blocks.programmed.edges
         row = np.repeat(np.arange(first.size), np.diff(np.append(first, self.own.size)))
         begins = np.append(edges[row] + on * np.diff(edges)[row], edges[-1])

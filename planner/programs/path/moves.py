@@ -29,13 +29,49 @@ _TURNS_BACK = np.cos(np.deg2rad(150.0))  # of the path the feed is measured on: 
 
 
 @dataclass(frozen=True, eq=False)
+class ProgramAxes:
+    """What a program moves.
+
+    Attributes
+    ----------
+    moving : (9,) bool array
+        The axes that move; X, Y or Z among them and at least two, since a path has two axes or more.
+    groups : (3,) bool array
+        The ``FEED_GROUPS`` that the feed of some move is measured along.
+    """
+
+    moving: BoolArray
+    groups: BoolArray
+
+    @classmethod
+    def of(cls, program: Program) -> ProgramAxes:
+        """Look at all moves."""
+        moving = np.maximum(program.start.max(axis=0), program.end.max(axis=0)) > np.minimum(
+            program.start.min(axis=0), program.end.min(axis=0)
+        )
+        arcs = program.kind == ARC
+        moving[np.unique((program.normal[arcs][:, None] + np.array([1, 2])) % 3)] = True
+        named = [k for k in range(3) if program.axis_lines[k]]
+        for k in (*named, 0, 1, 2):
+            if moving.sum() < 2 or not moving[:3].any():
+                moving[k] = True
+        return cls(moving, np.bincount(program.feed_group, minlength=len(FEED_GROUPS)) > 0)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The axes that move."""
+        return tuple(name for name, moves in zip(AXES, self.moving, strict=True) if moves)
+
+
+@dataclass(frozen=True, eq=False)
 class MovingBlocks:
     """The blocks that move, in the axes that move: rows of the program with a length.
 
     Attributes
     ----------
     row : (m,) int array
-    axes : tuple of str
+    used : ProgramAxes
+        What the program moves.
     programmed : Programmed
         In mm and degrees.
     tolerance, feed : (m,) arrays
@@ -50,7 +86,7 @@ class MovingBlocks:
     """
 
     row: IntArray
-    axes: tuple[str, ...]
+    used: ProgramAxes
     programmed: Programmed
     tolerance: FloatArray
     feed: FloatArray
@@ -60,15 +96,15 @@ class MovingBlocks:
     turns_back: BoolArray
 
     @classmethod
-    def of(cls, program: Program, tolerance: float | None, moves: BoolArray | None = None) -> MovingBlocks:
-        """Take the moves as legs, in the axes that move or those of ``moves`` (9,)."""
+    def of(cls, program: Program, tolerance: float | None, used: ProgramAxes | None = None) -> MovingBlocks:
+        """Take the moves as legs; ``used``: of a program that these moves are a part of."""
         row = np.flatnonzero(program.lengths > 0.0)
         if not row.size:
             raise CurveError(
                 f"{program.source}: the program moves nothing, in the digits of its numbers; a path needs a move"
             )
-        moves = moving_axes(program) if moves is None else moves
-        legs, length = _legs(program, row, moves)
+        used = ProgramAxes.of(program) if used is None else used
+        legs, length = _legs(program, row, used.moving)
         edges = np.concatenate([[0.0], np.cumsum(length)])
         given = program.tolerance[row]
         own = np.where(np.isnan(given), DEFAULT_TOLERANCE, given)
@@ -78,14 +114,18 @@ class MovingBlocks:
         halts = np.concatenate([[0], np.cumsum(program.stop_after)])
         # a stop between two moves that stay counts, also after a move of length 0
         stop = (halts[row[1:]] > halts[row[:-1]]) | rapid[:-1] | rapid[1:]
-        axes = tuple(name for name, moving in zip(AXES, moves, strict=True) if moving)
         group = program.feed_group[row]
-        scale = np.array([DEGREES if name in ROTARY_AXES else 1.0 for name in axes])
+        scale = np.array([DEGREES if name in ROTARY_AXES else 1.0 for name in used.names])
         programmed = Programmed(edges, legs, scale, length / program.lengths[row])
         back = np.zeros(stop.size, dtype=np.bool_)
-        if moves[3:].any():
-            back = _turning_back(programmed, group, axes)
-        return cls(row, axes, programmed, own, program.feed[row], rapid, stop | back, group, back)
+        if used.moving[3:].any():
+            back = _turning_back(programmed, group, used.names)
+        return cls(row, used, programmed, own, program.feed[row], rapid, stop | back, group, back)
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of the axes."""
+        return self.used.names
 
     @property
     def apart(self) -> BoolArray:
@@ -128,7 +168,7 @@ class ChainColumns:
         """Find which are needed: none where every move is one of X Y Z, in these axes alone."""
         axes, group = blocks.axes, blocks.group
         columns = [[j for j, name in enumerate(axes) if name in AXES[part]] for part in FEED_GROUPS]
-        extra = tuple((j, g) for g in (1, 2) if (group == g).any() for j in columns[g])
+        extra = tuple((j, g) for g in (1, 2) if blocks.used.groups[g] for j in columns[g])
         vectors, length = blocks.programmed.legs.vectors, np.diff(blocks.programmed.edges)
         steps = (
             np.stack([np.where(group == g, vectors[:, 3, j] * length, 0.0) for j, g in extra], axis=1)
@@ -174,20 +214,6 @@ class ChainColumns:
                 column[:] += powers[:, j]
                 column[:, 0] -= self.blocks.programmed.legs.vectors[block, 0, j]
         return out
-
-
-def moving_axes(program: Program) -> BoolArray:
-    """Which of the nine axes move, (9,); X, Y or Z among them and at least two, since a path has two axes or more."""
-    moves = np.maximum(program.start.max(axis=0), program.end.max(axis=0)) > np.minimum(
-        program.start.min(axis=0), program.end.min(axis=0)
-    )
-    arcs = program.kind == ARC
-    moves[np.unique((program.normal[arcs][:, None] + np.array([1, 2])) % 3)] = True
-    named = [k for k in range(3) if program.axis_lines[k]]
-    for k in (*named, 0, 1, 2):
-        if moves.sum() < 2 or not moves[:3].any():
-            moves[k] = True
-    return np.asarray(moves)
 
 
 def _turning_back(programmed: Programmed, group: NDArray[np.uint8], axes: tuple[str, ...]) -> BoolArray:

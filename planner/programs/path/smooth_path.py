@@ -26,7 +26,7 @@ from planner.programs.path.corners import Junction, Junctions, blends_at, classi
 from planner.programs.path.deviation import Deviation
 from planner.programs.path.feeds import caps_of_blocks
 from planner.programs.path.measure import LinePlace, Written, largest_deviation
-from planner.programs.path.moves import MovingBlocks, moving_axes
+from planner.programs.path.moves import MovingBlocks
 from planner.programs.path.stretch import Fitted, Stretch, fit
 from planner.programs.reading.noise import noise_amplitude
 from planner.programs.reading.program import Program
@@ -137,7 +137,7 @@ def program_path(program: Program, tolerance: float | None, limits: Limits) -> P
     limits = program.require_axes(limits)
     given = MovingBlocks.of(program, tolerance)
     absorbed = absorb(program, given)
-    blocks = MovingBlocks.of(absorbed.program, None, moving_axes(program))
+    blocks = MovingBlocks.of(absorbed.program, None, given.used)
     written = absorbed.written(given.programmed)
     at = [limits.axes.index(axis) for axis in blocks.axes]
     rows: dict[str, Any] = {q.key: getattr(limits, q.key)[at] for q in AXIS}

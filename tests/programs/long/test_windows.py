@@ -23,7 +23,7 @@ from planner.programs.long import parts, window
 from planner.programs.long.parts import PathSource
 from planner.programs.long.windows import plan_program
 from planner.programs.path.deviation import deviation
-from planner.programs.path.moves import MovingBlocks, moving_axes
+from planner.programs.path.moves import MovingBlocks, ProgramAxes
 from planner.programs.path.smooth_path import program_path
 
 BUTTERFLY, SLOTS = PROGRAMS / "butterfly_5000.ngc", PROGRAMS / "slots.ngc"
@@ -372,7 +372,7 @@ def test_caps_of_a_window_are_those_of_its_blocks(tmp_path, short_windows, monke
 
 
 def source_of(moves_of, tolerance=0.01):
-    return PathSource(moves_of, moving_axes(moves_of), tolerance, PLANE)
+    return PathSource(moves_of, ProgramAxes.of(moves_of), tolerance, PLANE)
 
 
 def joined_parts(source):
