@@ -89,7 +89,7 @@ def check(
         raise InputError(f"tolerance = {tolerance!r} must be >= 0 and finite")
     rows = Rows(curve, float(tolerance))
     if isinstance(plan, FeedrateProfile):
-        if plan.curve.fingerprint != curve.fingerprint:
+        if plan.curve is not curve and plan.curve.fingerprint != curve.fingerprint:
             raise InputError(
                 f"the plan was made for another curve: {plan.curve.name} (fingerprint {plan.curve.fingerprint}), not "
                 f"{curve.name} ({curve.fingerprint}); plan this curve, or check the plan on its own"

@@ -9,6 +9,7 @@ import inspect
 import re
 from pathlib import Path
 
+import cases
 import numpy as np
 import pytest
 from check_plans import (
@@ -141,6 +142,16 @@ def test_a_plan_for_another_curve_is_refused(line, line_limits, line_plan, circl
         check(circle, line_limits, line_plan)
     twin = NurbsCurve([[0.0, 0.0], [60.0, 80.0]], [0, 0, 1, 1], 1, name="the same line under another name")
     assert check(twin, line_limits, line_plan).ok
+
+
+def test_a_curve_is_known_by_its_definition_which_the_same_object_has(monkeypatch, line, line_limits, line_plan):
+    again = cases.line(60.0, 80.0)
+    assert again is not line
+    assert check(again, line_limits, line_plan) == check(line, line_limits, line_plan)
+    asked = []
+    monkeypatch.setattr(type(line), "fingerprint", property(asked.append))
+    check(line, line_limits, line_plan)
+    assert not asked
 
 
 def test_arguments_are_validated(line, line_limits, line_plan):
