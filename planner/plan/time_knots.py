@@ -9,7 +9,7 @@ coarser grid found (``switches.py``):
 2.  The switches that were located have a double knot each, as the breaks of the path do.
 3.  Neighbouring spacings stay within a factor of about 2; beside a curvature jump knots are no further apart than a period,
     since the plan has only half of the jerk there.
-4.  Every forty intervals or so a macro of the map ends, at a double knot.
+4.  Every two dozen intervals a macro of the map ends, at a double knot.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ from planner.plan.time_map import TimeMap
 from planner.sets import union
 from planner.types import FloatArray, IntArray
 
-_PER_MACRO = 40
+_PER_MACRO = 24
 # Share of the knots that go where the jerk changes.
-_CHANGES = 0.5
+_CHANGES = 0.45
 # An interval's change may be anywhere in it, or begin in the next: it is spread so far beyond either end, in its lengths.
-_BEYOND = 0.4
+_BEYOND = 0.5
 # |d spacing / d time| that keeps neighbours within a factor 2, and how often the spacings are scaled to give their number
 _GROWTH, _SCALINGS = 0.5, 4
 _MAX_WIDER = 1.5  # than the density has them: the growth away from where knots are close may take more than all
