@@ -104,20 +104,32 @@ class FeedCaps:
         Curve parameters at which the stretches join, increasing; the first and last are the ends of the curve.
     feed : (k,) array
         mm/s; inf on rapids, which have a limit of their own.
+    angular : (k,) bool array, optional
+        Stretches whose feed is in degrees/s: a machine's limits on feeds are not of these.
     """
 
     edges: FloatArray
     feed: FloatArray
+    angular: BoolArray | None = None
 
     def __post_init__(self) -> None:
         for array in (self.edges, self.feed):
             array.setflags(write=False)
 
+    def commanded(self, feed: float, rapid: float) -> FloatArray:
+        """What is left of the caps by the limits of a machine on feed and rapids, (k,)."""
+        found = np.where(np.isinf(self.feed), rapid, np.minimum(feed, self.feed))
+        return found if self.angular is None else np.where(self.angular, self.feed, found)
+
     def at(self, u: FloatArray, left: NDArray[np.bool_] | bool = False) -> FloatArray:
         """Cap at parameters u, of the stretch before an edge where ``left`` is true."""
+        return self.feed[self.stretch(u, left)]
+
+    def stretch(self, u: FloatArray, left: NDArray[np.bool_] | bool = False) -> NDArray[np.intp]:
+        """Index of the stretch at parameters u, of that before an edge where ``left`` is true."""
         before = np.searchsorted(self.edges, u, side="left") - 1
         after = np.searchsorted(self.edges, u, side="right") - 1
-        return self.feed[np.clip(np.where(left, before, after), 0, self.feed.size - 1)]
+        return np.clip(np.where(left, before, after), 0, self.feed.size - 1)
 
 
 class Curve(ABC):

@@ -89,8 +89,8 @@ def commanded_feed(curve: Curve, limits: Limits, u: FloatArray, left: NDArray[np
     """Feed limit at parameters u, mm/s: the lower of that of the limits and of the curve's own caps; of rapids their own."""
     if curve.feed_caps is None:
         return np.full(u.shape, limits.feed)
-    cap = curve.feed_caps.at(u, left)
-    return np.where(np.isinf(cap), limits.rapid, np.minimum(limits.feed, cap))
+    caps = curve.feed_caps
+    return caps.commanded(limits.feed, limits.rapid)[caps.stretch(u, left)]
 
 
 def command_kind(
@@ -99,15 +99,17 @@ def command_kind(
     """Which of ``COMMANDS`` sets the feed limit at parameters u: that of the limits, a cap of the curve, that of rapids."""
     if curve.feed_caps is None:
         return np.zeros(u.shape, dtype=np.int8)
-    cap = curve.feed_caps.at(u, left)
-    return np.where(np.isinf(cap), 2, np.where(cap < limits.feed, 1, 0)).astype(np.int8)
+    caps = curve.feed_caps
+    own = caps.feed < limits.feed
+    own = own if caps.angular is None else own | caps.angular
+    return np.where(np.isinf(caps.feed), 2, np.where(own, 1, 0)).astype(np.int8)[caps.stretch(u, left)]
 
 
 def largest_command(curve: Curve, limits: Limits) -> float:
     """Largest feed commanded anywhere on a curve, mm/s."""
     if curve.feed_caps is None:
         return limits.feed
-    return float(commanded_feed(curve, limits, curve.feed_caps.edges[:-1]).max())
+    return float(curve.feed_caps.commanded(limits.feed, limits.rapid).max())
 
 
 def chord_feed_limit(curvature: FloatArray, limits: Limits) -> FloatArray:

@@ -23,6 +23,7 @@ from planner.quantity import CHORD_ERROR, FEED, NONE, with_label
 from planner.types import FloatArray, IntArray
 from planner.verify.motion import Quintics, measure_points
 from planner.verify.quantities import names
+from planner.verify.scan import machine_caps
 
 BINDING_TOLERANCE = 1e-3  # of a limit
 # What rounding on another machine may do to the columns: to arc length against that of the curve, to feed against the
@@ -117,8 +118,8 @@ class Nodes:
         caps: FloatArray | float = limits.feed
         if curve.feed_caps is not None:
             u = np.clip(profile.u, *curve.domain)
-            own = curve.feed_caps.at(u, np.asarray(self.left, dtype=np.bool_))
-            caps = np.where(np.isinf(own), limits.rapid, np.minimum(limits.feed, own))
+            sides = np.asarray(self.left, dtype=np.bool_)
+            caps = np.minimum(machine_caps(curve.feed_caps, limits).at(u, sides), curve.feed_caps.at(u, sides))
         slowed = _slowed(profile) if profile.slowed else np.float64(1.0)
         # Of the chord its length, not its error.
         chord = _chord_share(self.bend, feed * limits.period, limits.chord_error)

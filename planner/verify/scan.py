@@ -121,7 +121,10 @@ def _used(sizes: FloatArray, slack: FloatArray) -> FloatArray:
 
 def machine_caps(programmed: FeedCaps, limits: Limits) -> FeedCaps:
     """What the machine allows on the stretches of a program: its rapid where the program commands no feed."""
-    return FeedCaps(programmed.edges, np.where(np.isinf(programmed.feed), limits.rapid, limits.feed))
+    allowed = np.where(np.isinf(programmed.feed), limits.rapid, limits.feed)
+    if programmed.angular is not None:
+        allowed[programmed.angular] = np.inf  # its feeds are of lengths
+    return FeedCaps(programmed.edges, allowed)
 
 
 def feed_under(motion: Motion, scan: Scan, caps: FeedCaps, density: int) -> tuple[float, float, Place]:

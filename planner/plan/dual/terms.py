@@ -212,8 +212,12 @@ class Track:
             *(self.sigma.size - 1, self.rise.shape[0], self.sigma, self.u),
             *(len(axes.coefficients), axes.coefficients.shape[2], *_data(axes)),
             *(0 if curve.tip is curve else count, rows - 1, terms, *_data(tip)),
-            *((0, none, none) if caps is None else (caps.feed.size, caps.edges, caps.feed)),
-            np.array([limits.feed, limits.rapid, limits.chord_error, limits.period]),
+            *(
+                (0, none, none)
+                if caps is None
+                else (caps.feed.size, caps.edges, caps.commanded(limits.feed, limits.rapid))
+            ),
+            np.array([limits.feed if caps is None else np.inf, np.inf, limits.chord_error, limits.period]),
             *(limits.velocity, limits.of_motions(ACCELERATION.order), limits.of_motions(JERK.order)),
             *(axis_weights(limits), *self.known_speeds),
             *(self.way, self.rise, self.ramps, self.near),

@@ -231,7 +231,7 @@ class _View:
         reasons: dict[int, str] = {}
         tubes: list[Fitted] = []
         inside = False
-        feed = np.where(blocks.rapid, np.inf, np.minimum(blocks.feed, limits.feed))
+        feed = np.where(blocks.rapid | blocks.angular, blocks.feed, np.minimum(blocks.feed, limits.feed))
         todo = self._entered(_stretches(blocks, junctions, self.start + _BESIDE), junctions, np.inf)[::-1]
         while todo:
             stretch = todo.pop()
@@ -338,7 +338,7 @@ def _measured(view: _View, pieces: _FittedTubes) -> PathPart:
     blocks, cursor, written = view.blocks, view.cursor, view.written
     curve, _, s_edges = _assemble(blocks, pieces.junctions, pieces.tubes)
     owner = view.source.absorbed.owner[view.source.given(view.first, view.first + blocks.row.size)] - view.first
-    run = cut_run(curve, s_edges, (written.place, blocks.feed[owner], 0), view.start, pieces.end)
+    run = cut_run(curve, s_edges, (written.place, blocks.feed[owner], blocks.angular[owner]), view.start, pieces.end)
     run = replace(run, row=view.given[run.row])
     joined, s_joined = run.curve, run.s + view.start
     if cursor.tail is not None:

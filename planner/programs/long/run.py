@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from planner.geometry.blend import Blends, Legs
 from planner.geometry.chain import INTERVALS_OF_KIND, ChainCurve, Kind
 from planner.programs.path.feeds import caps_of_blocks
-from planner.types import FloatArray
+from planner.types import BoolArray, FloatArray
 
 _SAME = 1e-9  # mm
 
@@ -34,6 +34,8 @@ class Run:
         Curve parameters at which they begin and end.
     feed : (k,) array
         Cap on the feed in each, mm/s.
+    angular : (k,) bool array
+        Where it is degrees/s.
     """
 
     curve: ChainCurve
@@ -41,6 +43,7 @@ class Run:
     row: NDArray[np.intp]
     u: FloatArray
     feed: FloatArray
+    angular: BoolArray
 
     @property
     def length(self) -> float:
@@ -94,7 +97,7 @@ class Run:
         i = int(np.searchsorted(self.u, u0, side="right")) - 1
         j = int(np.searchsorted(self.u, u1, side="left"))
         u = np.concatenate([[0.0], self.u[i + 1 : j] - u0, [u1 - u0]])
-        return Run(part, self.s[first : last + 1] - self.s[first], self.row[i:j], u, self.feed[i:j])
+        return Run(part, self.s[first : last + 1] - self.s[first], self.row[i:j], u, self.feed[i:j], self.angular[i:j])
 
     def joined(self, other: Run, *, rests: bool) -> Run:
         """Append the run that follows; ``rests``: the path stops between them."""
@@ -113,7 +116,7 @@ class Run:
             )
         # A block that the joint cuts in two is one block.
         same = bool(self.row[-1] == other.row[0])
-        changes = not same and self.feed[-1] != other.feed[0]
+        changes = not same and (self.feed[-1] != other.feed[0] or self.angular[-1] != other.angular[0])
         curve = replace(
             a,
             edges=np.concatenate([a.edges, at + b.edges[1:]]),
@@ -133,18 +136,19 @@ class Run:
             np.concatenate([self.row, other.row[same:]]),
             np.concatenate([self.u[: -1 if same else None], at + other.u[1:]]),
             np.concatenate([self.feed, other.feed[same:]]),
+            np.concatenate([self.angular, other.angular[same:]]),
         )
 
     def with_caps(self) -> ChainCurve:
         """The curve with the feed caps of its blocks."""
-        return replace(self.curve, feed_caps=caps_of_blocks(self.u, self.feed))
+        return replace(self.curve, feed_caps=caps_of_blocks(self.u, self.feed, self.angular))
 
     def arrays(self) -> dict[str, FloatArray]:
         """Everything the run is made of, by name."""
         curve = self.curve
         out = {name: getattr(curve, name) for name in ("edges", "kind", "offset", "spans", "joints", "stops", "marks")}
         out |= {"piece_row": curve.row, "s": self.s, "row": self.row, "u": self.u, "feed": self.feed}
-        out["tip_columns"] = np.array(curve.tip_columns, dtype=np.intp)
+        out |= {"angular": self.angular, "tip_columns": np.array(curve.tip_columns, dtype=np.intp)}
         parts = {"legs": curve.legs}
         if curve.blends is not None:
             parts |= {"before": curve.blends.before, "after": curve.blends.after}
@@ -170,13 +174,20 @@ class Run:
             name=name,
             tip_columns=tuple(arrays["tip_columns"].astype(int).tolist()),
         )
-        return cls(curve, arrays["s"], np.asarray(arrays["row"], dtype=np.intp), arrays["u"], arrays["feed"])
+        return cls(
+            curve,
+            arrays["s"],
+            np.asarray(arrays["row"], dtype=np.intp),
+            arrays["u"],
+            arrays["feed"],
+            arrays["angular"].astype(np.bool_),
+        )
 
 
 def cut_run(
     curve: ChainCurve,
     s_edges: FloatArray,
-    blocks: tuple[FloatArray, FloatArray, int],
+    blocks: tuple[FloatArray, FloatArray, BoolArray],
     start: float,
     end: float,
 ) -> Run:
@@ -188,13 +199,13 @@ def cut_run(
     s_edges : (m + 1,) array
         Programmed abscissae at its edges, mm.
     blocks : tuple
-        Abscissae at which blocks begin and end (k + 1,), their feed caps (k,), and the row of the first.
+        Abscissae at which blocks begin and end (k + 1,), their feed caps (k,), and which of these are angular (k,).
     start, end : float
         mm.
     """
-    edges, feed, first = blocks
+    edges, feed, angular = blocks
     u_edges = curve.edges
-    whole = Run(curve, s_edges, np.arange(first, first + feed.size), np.interp(edges, s_edges, u_edges), feed)
+    whole = Run(curve, s_edges, np.arange(feed.size), np.interp(edges, s_edges, u_edges), feed, angular)
     for s in (start, end):
         whole = _split_leg(whole, s)
     i = int(np.searchsorted(whole.s, start + _SAME, side="right")) - 1

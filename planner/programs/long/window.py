@@ -18,6 +18,7 @@ from planner.plan import plan_feedrate
 from planner.profile import FeedrateProfile
 from planner.programs.long.parts import Cursor, PathSource
 from planner.programs.long.run import Run
+from planner.programs.path.feeds import caps_of_blocks
 from planner.programs.path.smooth_path import MIN_INTERVALS
 from planner.programs.times import largest_share, times_at
 from planner.types import FloatArray
@@ -181,6 +182,8 @@ class Planner:
         Where one cap is the lowest everywhere, it is the feed of the limits, and neither planned nor checked twice.
         Rapids, of which the cap is inf, have a limit of their own.
         """
+        if run.angular.any():  # of these the feed of the limits says nothing
+            return run.with_caps(), self.limits.for_curve(run.curve)
         feed = min(self.limits.feed, float(run.feed.max()))
         curve = run.curve if feed <= run.feed.min() < np.inf else run.with_caps()
         return curve, self.limits.for_curve(curve).with_feed(feed)
@@ -223,9 +226,10 @@ class Planner:
     def ahead(self, run: Run) -> float:
         """Length ahead of what is kept of a window, mm: several times stopping and getting up to speed again."""
         limits = self.path.limits
-        commanded = np.where(np.isinf(run.feed), limits.rapid, np.minimum(run.feed, limits.feed))
-        feed = min(float(commanded.max()), float(np.sqrt(np.sum(limits.velocity**2))))
-        acceleration, jerk = float(limits.acceleration.min()), float(limits.jerk.min())
+        commanded = caps_of_blocks(run.u, run.feed, run.angular).commanded(limits.feed, limits.rapid)
+        scale = self.path.used.scale
+        feed = min(float(commanded.max()), float(np.sqrt(np.sum((scale * limits.velocity) ** 2))))
+        acceleration, jerk = (float((scale * row).min()) for row in (limits.acceleration, limits.jerk))
         acceleration = min(acceleration, float(np.sqrt(feed * jerk)))
         return _SEVERAL * 2.0 * 0.5 * feed * (feed / acceleration + acceleration / jerk)
 

@@ -22,7 +22,7 @@ from planner.geometry.blend import Legs
 from planner.geometry.curve import AXES, DEGREES, ROTARY_AXES
 from planner.geometry.tolerance import DEFAULT_TOLERANCE
 from planner.programs.path.deviation import Programmed
-from planner.programs.reading.program import ARC, FEED_GROUPS, RAPID, Program
+from planner.programs.reading.program import ANGULAR, ARC, FEED_GROUPS, RAPID, Program
 from planner.types import BoolArray, FloatArray, IntArray
 
 _TURNS_BACK = np.cos(np.deg2rad(150.0))  # of the path the feed is measured on: there its speed would fall to 0
@@ -61,6 +61,11 @@ class ProgramAxes:
     def names(self) -> tuple[str, ...]:
         """The axes that move."""
         return tuple(name for name, moves in zip(AXES, self.moving, strict=True) if moves)
+
+    @property
+    def scale(self) -> FloatArray:
+        """What their coordinates in mm and rad are multiplied by where they are taken together, a degree as a mm."""
+        return np.array([DEGREES if name in ROTARY_AXES else 1.0 for name in self.names])
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,8 +120,7 @@ class MovingBlocks:
         # a stop between two moves that stay counts, also after a move of length 0
         stop = (halts[row[1:]] > halts[row[:-1]]) | rapid[:-1] | rapid[1:]
         group = program.feed_group[row]
-        scale = np.array([DEGREES if name in ROTARY_AXES else 1.0 for name in used.names])
-        programmed = Programmed(edges, legs, scale, length / program.lengths[row])
+        programmed = Programmed(edges, legs, used.scale, length / program.lengths[row])
         back = np.zeros(stop.size, dtype=np.bool_)
         if used.moving[3:].any():
             back = _turning_back(programmed, group, used.names)
@@ -131,6 +135,11 @@ class MovingBlocks:
     def apart(self) -> BoolArray:
         """Junctions at which the feed begins to be measured along other axes, (m - 1,)."""
         return np.asarray(self.group[1:] != self.group[:-1])
+
+    @property
+    def angular(self) -> BoolArray:
+        """Blocks whose feed is in degrees/s, (m,)."""
+        return np.asarray(self.group == ANGULAR)
 
     @property
     def speed(self) -> FloatArray:
@@ -177,7 +186,7 @@ class ChainColumns:
         )
         start = np.concatenate([np.zeros((1, len(extra))), np.cumsum(steps, axis=0)])[:-1]
         tip = (*columns[0], *range(len(axes), len(axes) + len(extra)))
-        scale = np.array([1.0 / DEGREES if name in ROTARY_AXES else 1.0 for name in axes])
+        scale = 1.0 / blocks.used.scale
         return cls(scale, extra, start, () if len(columns[0]) == len(axes) else tip, blocks)
 
     @property

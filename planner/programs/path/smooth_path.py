@@ -178,7 +178,7 @@ def _build(blocks: MovingBlocks, limits: Limits, share: float, room: FloatArray 
     reasons: dict[int, str] = {}
     tubes: list[Fitted] = []
     todo = _stretches(blocks, junctions)[::-1]
-    feed = np.where(blocks.rapid, np.inf, np.minimum(blocks.feed, limits.feed))
+    feed = np.where(blocks.rapid | blocks.angular, blocks.feed, np.minimum(blocks.feed, limits.feed))
     while todo:
         stretch = todo.pop()
         narrowed = replace(stretch, tolerance=share * stretch.tolerance)
@@ -311,7 +311,7 @@ def _assemble(
         spans=spans,
         joints=u_edges[np.searchsorted(s_edges, joints)],
         stops=u_edges[np.searchsorted(s_edges, stops)],
-        marks=np.interp(edges[1:-1][blocks.feed[1:] != blocks.feed[:-1]], s_edges, u_edges),
+        marks=np.interp(edges[1:-1][(blocks.feed[1:] != blocks.feed[:-1]) | blocks.apart], s_edges, u_edges),
         axes=blocks.axes,
         name="program",
         tip_columns=columns.tip,
@@ -365,7 +365,7 @@ def _report(
         Stop(float(u[k + 1]), int(absorbed.program.line[k]), _reason(blocks, junctions, built.reasons, int(k)))
         for k in np.flatnonzero(junctions.kind == Junction.STOP)
     )
-    caps = caps_of_blocks(u, blocks.feed)
+    caps = caps_of_blocks(u, blocks.feed, blocks.angular)
     u = np.interp(absorbed.place, built.s_edges, built.u_edges)
     counts = {
         "blocks": line.size,

@@ -86,6 +86,8 @@ def _commanded(curve: Curve, limits: Limits, parts: Multipliers) -> FloatArray:
         return np.full(parts.h.size, limits.feed)
     edges, own = curve.feed_caps.edges, curve.feed_caps.feed
     feed = np.where(np.isinf(own), limits.rapid, np.minimum(limits.feed, own))  # a cap of inf is a rapid's
+    if curve.feed_caps.angular is not None:
+        feed = np.where(curve.feed_caps.angular, own, feed)  # limits on feeds are of lengths
     first = np.clip(np.searchsorted(edges, parts.u[0], side="right") - 1, 0, feed.size - 1)
     last = np.clip(np.searchsorted(edges, parts.u[1], side="left"), first + 1, feed.size)
     largest = np.maximum.reduceat(np.append(feed, 0.0), np.stack([first, last], axis=1).reshape(-1))[::2]

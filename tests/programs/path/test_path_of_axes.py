@@ -41,6 +41,10 @@ M2
 """
 
 
+def _rows(limits):
+    return limits.velocity, limits.acceleration, limits.jerk
+
+
 def rest_to_rest(way, velocity, acceleration, jerk):
     """Time of a motion of bounded velocity, acceleration and jerk from rest to rest: seven phases, or fewer."""
     if velocity * jerk < acceleration**2:
@@ -74,7 +78,9 @@ def winding(count, seed=0):
 
 
 class TestClosedForms:
-    @pytest.mark.parametrize(("degrees", "feed"), [(90.0, 99.0), (5.0, 99.0), (0.3, 99.0), (90.0, 16.0)])
+    @pytest.mark.parametrize(
+        ("degrees", "feed"), [(200.0, 110.0), (200.0, 999.0), (5.0, 99.0), (0.3, 99.0), (90.0, 16.0)]
+    )
     def test_an_axis_that_turns_alone(self, degrees, feed):
         _, _, profile = planned(line(0, 0, 0, degrees), feed=feed)
         velocity = min(ANGULAR[0], feed / DEGREES)
@@ -268,7 +274,7 @@ def test_one_number_for_every_axis_says_nothing_of_one_that_turns():
 
 
 def test_a_rapid_turns_at_the_limits_of_its_axis():
-    _, _, profile = planned(rapid(0, 0, 0, 60))
+    _, _, profile = planned(rapid(0, 0, 0, 60), limits=Limits(10.0, *_rows(LIMITS), axes=AXES, rapid=20.0))
     assert profile.duration == pytest.approx(rest_to_rest(60 / DEGREES, *ANGULAR), rel=2e-5)
 
 
@@ -279,7 +285,7 @@ def test_windows_are_as_fast_as_the_whole(tmp_path, monkeypatch):
     monkeypatch.setattr(parts, "_MIN_BLOCKS", 200)
     moves = winding(900)
     end = moves[-1]["end"]
-    moves += [line(*end[:3], end[3] + 40), line(end[0] + 5, *end[1:3], end[3] + 50)]
+    moves += [line(*end[:3], end[3] + 80, feed=110.0), line(end[0] + 5, *end[1:3], end[3] + 90)]
     plan = plan_program(program(*moves, feed=30.0), LIMITS, 0.01, output=tmp_path / "plan.npz")
     assert plan.ok
     assert plan.windows >= 3
