@@ -51,7 +51,8 @@ class Ruckig:
         problem = self._problem
         problem.current_velocity, problem.target_velocity = [v0], [v1]
         problem.max_velocity, problem.max_jerk = [v], [jerk]
-        for less in (1.0, 1.0 - 1e-13):  # where the acceleration is just reached, ruckig may find nothing
+        # Where the acceleration is just reached, ruckig may find nothing.
+        for less in (1.0, 1.0 - 1e-13, 1.0 - 1e-12, 1.0 - 1e-11):
             problem.max_acceleration, problem.min_acceleration = [up * less], [-down * less]
             with suppress(self._failure):
                 if self._solver.calculate(problem, self._trajectory) >= 0:
