@@ -142,10 +142,11 @@ def program_lines(path: ProgramPath) -> list[str]:
 
 def program_summary(program: Program, path: ProgramPath) -> str:
     """What is in a program, and what the path is made of."""
-    from planner.programs.reading.program import ARC
+    from planner.programs.reading.program import ARC, SPLINE
 
-    arcs = int((program.kind == ARC).sum())
-    parts = [_count(program.line_count, "line"), _count(len(program), "move") + (f" ({arcs} arcs)" if arcs else "")]
+    of_kinds = [(int((program.kind == kind).sum()), what) for kind, what in ((ARC, "arc"), (SPLINE, "spline"))]
+    curved = ", ".join(f"{number} {what}s" for number, what in of_kinds if number)
+    parts = [_count(program.line_count, "line"), _count(len(program), "move") + (f" ({curved})" if curved else "")]
     parts += [_count(path.counts[f"{what}s"], what) for what in ("corner", "tube") if path.counts[f"{what}s"]]
     dwells = [event.seconds for event in program.events if event.kind == "dwell"]
     changes = sum(event.kind == "tool_change" for event in program.events)

@@ -52,6 +52,7 @@ def program(*moves, start=(0.0, 0.0, 0.0), feed=100.0, tolerance=np.nan):
         centre=centres,
         normal=normal,
         sweep=sweep,
+        curve=np.full(count, -1),
         feed=np.array([move.get("feed", feed) for move in moves], dtype=float),
         stop_after=np.array([move.get("stop", False) for move in moves]),
         tolerance=np.array([move.get("tolerance", tolerance) for move in moves], dtype=float),

@@ -70,6 +70,7 @@ ELSEWHERE = {
         f"planner.programs.reading.{name}" for name in ("flow_lines", "flow_words", "machine_parameters")
     ),
     "programs/reading/test_refusals.py": ("planner.programs.reading.rules",),
+    "programs/reading/test_splines.py": ("planner.programs.reading.nurbs_blocks",),
     "programs/reading/test_reader.py": tuple(
         f"planner.programs.reading.{name}"
         for name in (
@@ -121,6 +122,7 @@ TOPICS = {
     "programs/reading/test_axes.py": "words of rotary axes and of U V W",
     "programs/reading/test_refusals.py": "programs that are refused",
     "programs/test_machine_setup.py": "homes, work offsets and tool changes of a machine file",
+    "programs/test_spline_paths.py": "splines of a program, from the reader to the plan",
     "programs/test_rapids.py": "rapids of a program, from the reader to the plan",
     "verify/test_defects.py": "planted defects",
     "verify/test_rotary.py": "rotary axes",

@@ -25,7 +25,7 @@ typedef struct {
     int64_t terms, speed_terms;
     const double *lengths, *speeds;
     double total, b, eta;
-    double nodes[BLEND_TERMS], to_series[BLEND_TERMS][BLEND_TERMS];
+    double nodes[SHARE_TERMS], to_series[SHARE_TERMS][SHARE_TERMS];
 } Shape;
 
 static Shape shape_of(int64_t terms, const double *lengths, int64_t speed_terms, const double *speeds, double b)
@@ -35,10 +35,10 @@ static Shape shape_of(int64_t terms, const double *lengths, int64_t speed_terms,
         shape.total += lengths[k]; /* T_k(1) = 1 */
     shape.terms = terms_that_count(terms, lengths);
     shape.speed_terms = terms_that_count(speed_terms, speeds);
-    for (int i = 0; i < BLEND_TERMS; i++) {
-        shape.nodes[i] = cos(PI * (i + 0.5) / BLEND_TERMS);
-        for (int k = 0; k < BLEND_TERMS; k++)
-            shape.to_series[k][i] = cos(PI * k * (i + 0.5) / BLEND_TERMS) * (k ? 2.0 : 1.0) / BLEND_TERMS;
+    for (int i = 0; i < SHARE_TERMS; i++) {
+        shape.nodes[i] = cos(PI * (i + 0.5) / SHARE_TERMS);
+        for (int k = 0; k < SHARE_TERMS; k++)
+            shape.to_series[k][i] = cos(PI * k * (i + 0.5) / SHARE_TERMS) * (k ? 2.0 : 1.0) / SHARE_TERMS;
     }
     return shape;
 }
@@ -66,19 +66,19 @@ static double place_of(const Shape *shape, double s, double x, double *last)
 /* The Chebyshev series of tau over the part lo .. hi of the length, which begins at x; whether its last terms are rounding. */
 static int tau_series(const Shape *shape, double lo, double hi, double x, double *series)
 {
-    double tau[BLEND_TERMS], size = 0.0, slope = 0.0;
-    for (int i = BLEND_TERMS - 1; i >= 0; i--) {
+    double tau[SHARE_TERMS], size = 0.0, slope = 0.0;
+    for (int i = SHARE_TERMS - 1; i >= 0; i--) {
         x = place_of(shape, shape->total * (lo + (hi - lo) * 0.5 * (1.0 + shape->nodes[i])), x, &slope);
         tau[i] = shape->b * sinh(shape->eta * x);
         size = larger(size, fabs(tau[i]));
     }
-    for (int k = 0; k < BLEND_TERMS; k++) {
+    for (int k = 0; k < SHARE_TERMS; k++) {
         series[k] = 0.0;
-        for (int i = 0; i < BLEND_TERMS; i++)
+        for (int i = 0; i < SHARE_TERMS; i++)
             series[k] += tau[i] * shape->to_series[k][i];
     }
-    const double rise = fabs(tau[0] - tau[BLEND_TERMS - 1]) / (hi - lo); /* of tau over the share */
-    const double tail = larger(fabs(series[BLEND_TERMS - 1]), fabs(series[BLEND_TERMS - 2]));
+    const double rise = fabs(tau[0] - tau[SHARE_TERMS - 1]) / (hi - lo); /* of tau over the share */
+    const double tail = larger(fabs(series[SHARE_TERMS - 1]), fabs(series[SHARE_TERMS - 2]));
     return tail <= RESOLVED * (size + rise);
 }
 
@@ -93,7 +93,7 @@ int64_t blend_tabulate(int64_t terms, const double *lengths, int64_t speed_terms
     while (lo < 1.0) {
         if (panels == room)
             return -1;
-        if (!tau_series(&shape, lo, lo + width, x, series + panels * BLEND_TERMS) && width > narrowest) {
+        if (!tau_series(&shape, lo, lo + width, x, series + panels * SHARE_TERMS) && width > narrowest) {
             width *= 0.5;
             continue;
         }

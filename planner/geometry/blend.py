@@ -4,7 +4,8 @@ A **leg** is everything a block of a part program can be, at distance x from its
 
     leg(x) = o + (1 + k x) (e1 cos wx + e2 sin wx) + g x
 
-a line where e1 = e2 = 0, an arc or helix of radius |e1| = |e2| otherwise, a spiral where k is not 0.
+a line where e1 = e2 = 0, an arc or helix of radius |e1| = |e2| otherwise, a spiral where k is not 0; or a stretch of a curve
+(``bezier``), by the distance along it.
 
 A **blend** lets the motion along the incoming leg run out while that along the outgoing one begins.  With D1(x) and D2(x)
 the displacements from the corner V to the points at distance x before and after it, size A and |tau| <= 1,
@@ -16,14 +17,15 @@ reaches 8A along each leg, joins them with continuous curvature, and passes V at
 
 Arc length.  |dq/dtau| has branch points near tau = +-i b, b = tan((pi - angle)/4), which come close for sharp corners.
 tau = b sinh(eta x), eta = asinh(1/b), moves them away from x in [-1, 1]: 64 Chebyshev nodes resolve the speed to rounding
-for every angle up to 150 degrees.  Between lines the series depends on the angle alone and is shared by all equal corners.
-Its inverse, tau over the share of the length, is tabulated once a shape: panels are halved until the last terms of their
-Chebyshev series are rounding.
+for every angle up to 150 degrees, and 256 or 1024 where a leg bends by much within the reach.  Between lines the series
+depends on the angle alone and is shared by all equal corners.  Its inverse, tau over the share of the length, is tabulated
+once a shape: panels are halved until the last terms of their Chebyshev series are rounding.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -31,46 +33,75 @@ from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from planner.compiled import core
-from planner.errors import CurveError
+from planner.geometry.bezier import Beziers, tabulate_inverse
 from planner.geometry.differential import chain_rule
-from planner.types import FloatArray, IntArray
+from planner.types import BoolArray, FloatArray, IntArray
 
 BLEND_REACH = 8.0  # of the size A, along each leg
-_NODES = 64
+_NODES = (64, 256, 1024)
+_RESOLVED = 1e-12  # tail of the series of the speed, against its mean
 _SAME_COSINE = 13  # decimals; closer angles share a table
-_TERMS = 12  # of a panel of the inverse
-_MAX_PANELS = 4096
 _FOLLOWED = 0.1  # of the distance from the real axis to the branch points, in which quintics follow the arc length
 
 
 @dataclass(frozen=True, eq=False)
 class Legs:
-    """Lines, arcs, helices and spirals, n of them.
+    """Lines, arcs, helices, spirals and stretches of curves, n of them.
 
     Attributes
     ----------
     vectors : (n, 4, dim) array
-        o, e1, e2 and g of each.
+        o, e1, e2 and g of each; of a stretch of a curve where that curve begins, the way from there to x = 0, and 0.
     rates : (n, 2) array
         w in rad/mm and k in 1/mm.
+    ways : (n, 3) array, optional
+        Of a stretch of a curve its row in ``beziers`` (-1: none), its distance at x = 0, mm, and the direction, 1 or -1.
+    beziers : Beziers, optional
     """
 
     vectors: FloatArray
     rates: FloatArray
+    ways: FloatArray | None = None
+    beziers: Beziers | None = None
+
+    @property
+    def curved(self) -> BoolArray:
+        """Which of the legs are no lines, (n,)."""
+        bent = self.rates[:, 0] != 0.0
+        return np.asarray(bent if self.ways is None else bent | (self.ways[:, 0] >= 0.0))
+
+    def radius(self, row: NDArray[np.intp]) -> FloatArray:
+        """Smallest radius of curvature of the legs ``row`` (n,), nearly, mm; inf for lines."""
+        with np.errstate(divide="ignore"):
+            out = np.abs(1.0 / self.rates[row, 0])
+        if self.ways is not None and self.beziers is not None:
+            curve = self.ways[row, 0].astype(np.intp)
+            out[curve >= 0] = self.beziers.taken(curve[curve >= 0]).tightest
+        return np.asarray(out)
 
     def at(self, row: NDArray[np.intp], x: FloatArray) -> FloatArray:
         """Position and three derivatives with respect to x, (4, n, dim), of the legs ``row`` (n,) at x (n,)."""
-        d = turning(self.vectors[row, 1:], self.rates[row], x)
+        d = self.turned(row, x)
         d[0] += self.vectors[row, 0]
+        return d
+
+    def turned(self, row: NDArray[np.intp], x: FloatArray) -> FloatArray:
+        """As :meth:`at`, the position counted from o."""
+        d = turning(self.vectors[row, 1:], self.rates[row], x)
+        if self.ways is not None and self.beziers is not None:
+            curve, begin, direction = self.ways[row].T
+            on = np.flatnonzero(curve >= 0.0)
+            d[:, on] = self.beziers.at(curve[on].astype(np.intp), begin[on] + direction[on] * x[on])
+            d[1::2, on] *= direction[on, None]
         return d
 
     def taken(self, row: NDArray[np.intp]) -> Legs:
         """Return some of the legs."""
-        return Legs(self.vectors[row], self.rates[row])
+        return Legs(self.vectors[row], self.rates[row], None if self.ways is None else self.ways[row], self.beziers)
 
     def from_point(self, x: FloatArray, *, backwards: bool) -> Legs:
         """The same legs, measured from the points at x (n,) on, or back from them."""
-        d = turning(self.vectors[:, 1:], self.rates, x)
+        d = self.turned(np.arange(x.size), x)
         sign = -1.0 if backwards else 1.0
         grown = 1.0 + self.rates[:, 1] * x
         angle = (self.rates[:, 0] * x)[:, None]
@@ -79,7 +110,36 @@ class Legs:
         across = sign * grown[:, None] * (e2 * np.cos(angle) - e1 * np.sin(angle))
         origin = self.vectors[:, 0] + d[0] - radial
         vectors = np.stack([origin, radial, across, sign * g], axis=1)
-        return Legs(vectors, np.stack([self.rates[:, 0], sign * self.rates[:, 1] / grown], axis=1))
+        rates = np.stack([self.rates[:, 0], sign * self.rates[:, 1] / grown], axis=1)
+        if self.ways is None:
+            return Legs(vectors, rates)
+        on = np.flatnonzero(self.ways[:, 0] >= 0.0)
+        vectors[on, 0], vectors[on, 1] = self.vectors[on, 0], d[0, on]
+        ways = np.column_stack([self.ways[:, 0], self.ways[:, 1] + self.ways[:, 2] * x, sign * self.ways[:, 2]])
+        return Legs(vectors, rates, ways, self.beziers)
+
+    def with_curves(self, row: NDArray[np.intp], beziers: Beziers) -> Legs:
+        """The same legs on other curves, of which ``row`` says where each is now."""
+        if self.ways is None:
+            return self
+        ways = self.ways.copy()
+        on = ways[:, 0] >= 0.0
+        ways[on, 0] = row[ways[on, 0].astype(np.intp)]
+        return replace(self, ways=ways, beziers=beziers)
+
+    def joined(self, other: Legs) -> Legs:
+        """These legs, and after them others."""
+        vectors, rates = (np.concatenate(pair) for pair in ((self.vectors, other.vectors), (self.rates, other.rates)))
+        curves = [legs.beziers for legs in (self, other) if legs.beziers is not None]
+        if not curves:
+            return Legs(vectors, rates)
+        none = np.array([-1.0, 0.0, 1.0])
+        ways = [np.tile(none, (legs.rates.shape[0], 1)) if legs.ways is None else legs.ways for legs in (self, other)]
+        beziers = curves[0]
+        if len(curves) == 2 and curves[1] is not curves[0]:
+            beziers = curves[0].joined(curves[1])
+            ways[1] = ways[1] + np.where(ways[1][:, :1] >= 0.0, [[float(len(curves[0])), 0.0, 0.0]], 0.0)
+        return Legs(vectors, rates, np.concatenate(ways), beziers)
 
 
 def turning(vectors: FloatArray, rates: FloatArray, x: FloatArray) -> FloatArray:
@@ -110,6 +170,22 @@ def turning(vectors: FloatArray, rates: FloatArray, x: FloatArray) -> FloatArray
     out[2, bent] = -grown * w**2 * circle + 2.0 * k * along
     out[3, bent] = -grown * w**2 * along - 3.0 * k * w**2 * circle
     return out
+
+
+def with_own_curves(parts: Sequence[Legs]) -> list[Legs]:
+    """Legs that share their curves, with those curves alone that one of them is on."""
+    rows = [legs.ways[:, 0].astype(np.intp) for legs in parts if legs.ways is not None]
+    beziers = next((legs.beziers for legs in parts if legs.beziers is not None), None)
+    if beziers is None or not rows:
+        return list(parts)
+    used = np.unique(np.concatenate(rows))
+    used = used[used >= 0]
+    if not used.size:
+        return [replace(legs, ways=None, beziers=None) for legs in parts]
+    row = np.full(len(beziers), -1)
+    row[used] = np.arange(used.size)
+    own = beziers.taken(used)
+    return [legs.with_curves(row, own) for legs in parts]
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,7 +222,7 @@ class Blends:
         """Blends of the sizes A (n,) between legs that begin at the corners (``before`` runs backwards)."""
         weight = np.ones(after.vectors.shape[2]) if weight is None else weight
         vertex = after.vectors[:, 0] + after.vectors[:, 1]
-        straight = (before.rates[:, 0] == 0.0) & (after.rates[:, 0] == 0.0)
+        straight = ~before.curved & ~after.curved
         row = np.arange(size.size)
         back, forth = (legs.at(row, np.zeros(size.size))[1] for legs in (before, after))
         product, *squares = (np.sum(weight * part, axis=1) for part in (back * forth, back**2, forth**2))
@@ -158,16 +234,11 @@ class Blends:
         blends = cls(
             vertex, before, after, size, size, weight, np.asarray(table), b, np.empty((0, 0)), np.empty((0, 0))
         )
-        nodes = np.pi * (np.arange(_NODES) + 0.5) / _NODES
-        to_series = np.cos(np.outer(np.arange(_NODES), nodes)) * (2.0 / _NODES)
-        to_series[0] *= 0.5
-        eta = np.arcsinh(1.0 / b)[:, None]
-        x = np.cos(nodes)
-        tau = b[:, None] * np.sinh(eta * x)
-        d = blends.at(np.repeat(first, _NODES), tau.reshape(-1))[1]
-        speed = np.sqrt(np.sum(weight * d**2, axis=1)).reshape(tau.shape) / size[first, None]
-        speeds = speed * b[:, None] * eta * np.cosh(eta * x) @ to_series.T
-        lengths = np.ascontiguousarray(chebyshev.chebint(speeds, lbnd=-1, axis=1))
+        for count in _NODES:  # more where a leg bends by much within the reach
+            speeds = blends._speed_series(first, count)
+            if (np.abs(speeds[:, -4:]) <= _RESOLVED * np.abs(speeds[:, :1])).all():
+                break
+        lengths = np.ascontiguousarray(chebyshev.chebint(speeds, lbnd=-1, axis=1), dtype=np.float64)
         total = lengths.sum(axis=1)
         return cls(
             vertex,
@@ -182,6 +253,18 @@ class Blends:
             np.ascontiguousarray(speeds),
         )
 
+    def _speed_series(self, row: NDArray[np.intp], count: int) -> FloatArray:
+        """Chebyshev series (n, count) over x of the speed over it, of the blends ``row`` (n,), one of each shape."""
+        nodes = np.pi * (np.arange(count) + 0.5) / count
+        to_series = np.cos(np.outer(np.arange(count), nodes)) * (2.0 / count)
+        to_series[0] *= 0.5
+        b, x = self._half_angle[:, None], np.cos(nodes)
+        eta = np.arcsinh(1.0 / b)
+        tau = b * np.sinh(eta * x)
+        d = self.at(np.repeat(row, count), tau.reshape(-1))[1]
+        speed = np.sqrt(np.sum(self.weight * d**2, axis=1)).reshape(tau.shape) / self.size[row, None]
+        return np.asarray(speed * b * eta * np.cosh(eta * x) @ to_series.T)
+
     def at(self, row: NDArray[np.intp], tau: FloatArray) -> FloatArray:
         """Position and three derivatives with respect to tau, (4, n, dim), of the blends ``row`` (n,) at tau (n,)."""
         out = np.zeros((4, row.size, self.vertex.shape[1]))
@@ -193,7 +276,7 @@ class Blends:
             x1, x2, x3 = (
                 part[:, None] for part in (3.0 * sign * size * reach**2, 6.0 * size * reach, 6.0 * sign * size)
             )
-            d = turning(legs.vectors[row, 1:], legs.rates[row], x)
+            d = legs.turned(row, x)
             out[0] += d[0] - legs.vectors[row, 1]
             out[1:] += chain_rule(d[1], d[2], d[3], x1, x2, x3)
         return out
@@ -208,17 +291,7 @@ class Blends:
             Edges of the panels, one more than panels for each shape; Chebyshev series (panels, 12); first panel of each
             shape, (shapes + 1,).
         """
-        edges, series, first = [np.empty(0)], [np.empty((0, _TERMS))], [0]
-        room = np.empty(_MAX_PANELS + 1), np.empty((_MAX_PANELS, _TERMS))
-        for lengths, speeds, b in zip(self._lengths, self._speeds, self._half_angle, strict=True):
-            of_shape = lengths.size, lengths, speeds.size, speeds, b
-            panels = core.blend_tabulate(*of_shape, _MAX_PANELS, *room)
-            if panels < 0:
-                raise CurveError(f"the arc length of a blend has no inverse within {_MAX_PANELS} panels")
-            edges.append(room[0][: panels + 1].copy())
-            series.append(room[1][:panels].copy())
-            first.append(first[-1] + panels)
-        return np.concatenate(edges), np.concatenate(series), np.array(first, dtype=np.intp)
+        return tabulate_inverse(self._lengths, self._speeds, self._half_angle)
 
     def tau(self, row: IntArray, s: FloatArray) -> FloatArray:
         """Invert the arc length of the blends ``row`` (n,) at s (n,) from the start of each."""

@@ -4,10 +4,25 @@
 enum { LEG, BLEND, SPAN }; /* kinds of pieces */
 enum { SPAN_TERMS = 5 };
 
-/* The blends of a chain, and the inverse of their arc length. */
+/* Legs by rows: vectors (., 4, dim), rates (., 2), and ways (., 3) along the curves, or NULL. */
 typedef struct {
     int64_t dim;
-    const double *weight, *vertex, *before, *before_rates, *after, *after_rates, *size, *length;
+    const double *vectors, *rates, *ways;
+    const Beziers *beziers;
+} Legs;
+
+static inline Leg leg_of(const Legs *legs, int64_t row)
+{
+    const double *way = legs->ways ? legs->ways + row * 3 : legs->ways;
+    const Leg leg = {legs->dim, legs->vectors + row * 4 * legs->dim, legs->rates + row * 2, way, legs->beziers};
+    return leg;
+}
+
+/* The blends of a chain, and the inverse of their arc length. */
+typedef struct {
+    const double *vertex;
+    Legs before, after;
+    const double *size, *length;
     const int64_t *shape, *first_panel;
     const double *edges, *series;
 } Blends;
@@ -15,16 +30,15 @@ typedef struct {
 static inline void point_on_blend(const Blends *blends, int64_t row, double s, int64_t order, int64_t *guess,
                                   Derivatives out)
 {
-    const int64_t dim = blends->dim;
+    const int64_t dim = blends->before.dim;
     const double length = blends->length[row];
-    const Leg before = {dim, blends->before + row * 4 * dim, blends->before_rates + row * 2};
-    const Leg after = {dim, blends->after + row * 4 * dim, blends->after_rates + row * 2};
+    const Leg before = leg_of(&blends->before, row), after = leg_of(&blends->after, row);
     double tau = s <= 0.0 ? -1.0 : 1.0;
     if (0.0 < s && s < length)
         tau = tau_of_share(blends->first_panel, blends->edges, blends->series, blends->shape[row], s / length, guess);
     blend_at(blends->vertex + row * dim, &before, &after, blends->size[row], tau, out);
     if (order > 0)
-        by_arc_length(dim, blends->weight, out);
+        by_arc_length(dim, blends->before.beziers->weight, out);
 }
 
 /* Value and three derivatives of quartics with ascending powers (dim, 5) at w = x / width. */
@@ -46,22 +60,34 @@ static inline void point_on_leg(const Leg *leg, double x, Derivatives out)
         out[0][j] += leg->vectors[j];
 }
 
-void chain_evaluate(int64_t pieces, int64_t dim, const double *weight, const double *edges, const uint8_t *kind, const int64_t *row,
-                    const double *offset, const double *legs, const double *leg_rates, const double *spans,
-                    const double *vertex, const double *before, const double *before_rates, const double *after,
-                    const double *after_rates, const double *size, const double *length, const int64_t *shape,
-                    const int64_t *first_panel, const double *panel_edges, const double *panels, int64_t n,
-                    const double *u, const uint8_t *left, const int64_t *piece, int64_t order, double *out)
+void chain_evaluate(int64_t pieces, int64_t dim, const double *weight, const double *edges, const uint8_t *kind,
+                    const int64_t *row, const double *offset, const double *legs, const double *leg_rates, const double *leg_ways,
+                    const double *spans, int64_t terms, const double *powers, const double *curve_length,
+                    const int64_t *first_curve_panel, const double *curve_edges, const double *curve_panels,
+                    const double *vertex, const double *before, const double *before_rates, const double *before_ways,
+                    const double *after, const double *after_rates, const double *after_ways, const double *size,
+                    const double *length, const int64_t *shape, const int64_t *first_panel, const double *panel_edges,
+                    const double *panels, int64_t n, const double *u, const uint8_t *left, const int64_t *piece,
+                    int64_t order, double *out)
 {
-    const Blends blends = {dim, weight, vertex, before, before_rates, after,       after_rates,
-                           size, length, shape,  first_panel,  panel_edges, panels};
+    const Beziers beziers = {dim, terms, powers, curve_length, first_curve_panel, curve_edges, curve_panels, weight};
+    const Legs own = {dim, legs, leg_rates, leg_ways, &beziers};
+    const Blends blends = {vertex,
+                           {dim, before, before_rates, before_ways, &beziers},
+                           {dim, after, after_rates, after_ways, &beziers},
+                           size,
+                           length,
+                           shape,
+                           first_panel,
+                           panel_edges,
+                           panels};
     int64_t at = 0, panel = 0;
     for (int64_t i = 0; i < n; i++) {
         at = piece ? piece[i] : find_piece(pieces, edges, u[i], left[i], at);
         const double x = piece ? u[i] : u[i] - edges[at];
         Derivatives d;
         if (kind[at] == LEG) {
-            const Leg leg = {dim, legs + row[at] * 4 * dim, leg_rates + row[at] * 2};
+            const Leg leg = leg_of(&own, row[at]);
             point_on_leg(&leg, offset[at] + x, d);
         } else if (kind[at] == BLEND) {
             point_on_blend(&blends, row[at], x, order, &panel, d);

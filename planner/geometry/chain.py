@@ -139,12 +139,15 @@ class ChainCurve(Curve):
         kind, row = self.kind.astype(np.uint8), np.ascontiguousarray(self.row, dtype=np.intp)
         weight = np.ones(self.columns) if self.blends is None else self.blends.weight
         arrays = [self.kind.size, self.columns, weight, self.edges, kind, row, self.offset]
-        arrays += [self.legs.vectors, self.legs.rates, np.ascontiguousarray(self.spans)]
-        blends = self.blends
+        legs, blends = self.legs, self.blends
+        arrays += [legs.vectors, legs.rates, legs.ways, np.ascontiguousarray(self.spans)]
+        arrays += [0, *[None] * 5] if legs.beziers is None else legs.beziers.arguments
         if blends is None:
-            return (*arrays, *[None] * 11)
+            return (*arrays, *[None] * 13)
         edges, series, first = blends.inverse
-        arrays += [blends.vertex, blends.before.vectors, blends.before.rates, blends.after.vectors, blends.after.rates]
+        arrays.append(blends.vertex)
+        for part in (blends.before, blends.after):
+            arrays += [part.vectors, part.rates, part.ways]
         arrays += [blends.size, blends.length, blends.shape, first, edges, series]
         return tuple(np.ascontiguousarray(item) if isinstance(item, np.ndarray) else item for item in arrays)
 
@@ -232,7 +235,7 @@ class ChainCurve(Curve):
         """Pieces that are no polynomial."""
         curved = np.asarray(self.kind == Kind.BLEND)
         legs = self.kind == Kind.LEG
-        curved[legs] = self.legs.rates[self.row[legs], 0] != 0.0
+        curved[legs] = self.legs.curved[self.row[legs]]
         return curved
 
     def _plain_powers(self, plain: NDArray[np.intp]) -> FloatArray:
@@ -249,14 +252,18 @@ class ChainCurve(Curve):
     def definition(self) -> Mapping[str, Any]:
         """Everything that the pieces are made of."""
         arrays = {name: getattr(self, name) for name in ("edges", "kind", "row", "offset", "spans", "stops", "marks")}
-        arrays |= {"leg_vectors": self.legs.vectors, "leg_rates": self.legs.rates}
+        parts = {"leg": self.legs}
         if self.blends is not None:
             arrays |= {"blend_vertex": self.blends.vertex, "blend_size": self.blends.size}
-            for name, legs in (("before", self.blends.before), ("after", self.blends.after)):
-                arrays |= {f"{name}_vectors": legs.vectors, f"{name}_rates": legs.rates}
+            parts |= {"before": self.blends.before, "after": self.blends.after}
+        for name, legs in parts.items():
+            arrays |= {f"{name}_vectors": legs.vectors, f"{name}_rates": legs.rates}
+            if legs.ways is not None:
+                arrays[f"{name}_ways"] = legs.ways
         if self.tip_columns:
             arrays["tip_columns"] = np.array(self.tip_columns)
-        return {"type": "chain", "axes": list(self.axes)} | {key: value.tolist() for key, value in arrays.items()}
+        out = {"type": "chain", "axes": list(self.axes)} | {key: value.tolist() for key, value in arrays.items()}
+        return out if self.legs.beziers is None else out | {"curves": self.legs.beziers.definition()}
 
 
 @dataclass(frozen=True, eq=False)

@@ -58,15 +58,28 @@ void blend_tau(int64_t n, const int64_t *shape, const double *share, const int64
 
 /* Write the derivatives 0..order (at most 3) of a chain at u (n) into out (order + 1, n, dim), from the left where left (n) says
  * so; or where piece (n) is no NULL, at the distances u from the starts of those pieces.
- * dim columns; weight (dim) is what the square of each counts in the arc length of blends.  Pieces: edges (pieces + 1); kind (0 leg, 1 blend, 2 span), its row among those of its kind, and offset (pieces).  Legs: vectors
- * (., 4, dim) and rates (., 2); spans: (., dim, 5).  Blends: vertex (., dim), the legs before and after each, its size, length and
- * shape; of each shape the panels from first_panel on, as blend_tabulate makes them, each shape with one edge more. */
-void chain_evaluate(int64_t pieces, int64_t dim, const double *weight, const double *edges, const uint8_t *kind, const int64_t *row,
-                    const double *offset, const double *legs, const double *leg_rates, const double *spans,
-                    const double *vertex, const double *before, const double *before_rates, const double *after,
-                    const double *after_rates, const double *size, const double *length, const int64_t *shape,
-                    const int64_t *first_panel, const double *panel_edges, const double *panels, int64_t n,
-                    const double *u, const uint8_t *left, const int64_t *piece, int64_t order, double *out);
+ * dim columns; weight (dim) is what the square of each counts in the arc length of blends and curves.  Pieces: edges (pieces
+ * + 1); kind (0 leg, 1 blend, 2 span), its row among those of its kind, and offset (pieces).  Legs: vectors (., 4, dim), rates (., 2), and where some are stretches of curves ways (., 3); spans: (., dim, 5).  Curves: as for bezier_at.
+ * Blends: vertex (., dim), the legs before and after each, its size, length and shape; of each shape the panels from first_panel
+ * on, as blend_tabulate makes them, each shape with one edge more. */
+void chain_evaluate(int64_t pieces, int64_t dim, const double *weight, const double *edges, const uint8_t *kind,
+                    const int64_t *row, const double *offset, const double *legs, const double *leg_rates, const double *leg_ways,
+                    const double *spans, int64_t terms, const double *powers, const double *curve_length,
+                    const int64_t *first_curve_panel, const double *curve_edges, const double *curve_panels,
+                    const double *vertex, const double *before, const double *before_rates, const double *before_ways,
+                    const double *after, const double *after_rates, const double *after_ways, const double *size,
+                    const double *length, const int64_t *shape, const int64_t *first_panel, const double *panel_edges,
+                    const double *panels, int64_t n, const double *u, const uint8_t *left, const int64_t *piece,
+                    int64_t order, double *out);
+
+/* Write the way from the start of curves row (n) to the distances s (n) along them, and three derivatives over s, into out (4, n,
+ * dim).  Curves: powers (., dim + 1, terms) over w in [0, 1], the denominator last; the length of each; the panels of 2 w - 1 over
+ * the share of the length from first_panel on, as blend_tabulate makes them, each curve with one edge more. */
+void bezier_at(int64_t dim, int64_t terms, const double *powers, const double *length, const int64_t *first_panel,
+               const double *edges, const double *series, int64_t n, const int64_t *row, const double *s, double *out);
+
+/* Write position and three derivatives over w of each of n curves with powers (n, dim + 1, terms) at w (m) into out (n, m, 4, dim). */
+void bezier_over(int64_t n, int64_t dim, int64_t terms, const double *powers, int64_t m, const double *w, double *out);
 
 /* The formulas of differential_inline.h at n points, for their test.  Everywhere out (3, n): */
 

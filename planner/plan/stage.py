@@ -409,5 +409,6 @@ def _node_counts(task: Task, grid: TimeGrid) -> IntArray:
         spacing = grid.map.section.curve.native_spacing(piece[on])
         time = np.diff(grid.sigma)[full[on]]
         least = np.interp(grid.map.u[grid.macro[full[on]]], task.guess.u, least_times(task.guess, ROUNDING_SHARE))
-        counts[on] = np.maximum(_NODES, np.minimum(np.ceil(way / spacing), time / least)).astype(np.intp)
+        allowed = np.divide(time, least, out=np.full(time.size, np.inf), where=least > 0.0)
+        counts[on] = np.maximum(_NODES, np.minimum(np.ceil(way / spacing), allowed)).astype(np.intp)
     return counts

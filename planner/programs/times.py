@@ -20,12 +20,12 @@ from planner.frames import Tabular
 from planner.inputs import require_instance
 from planner.profile import FeedrateProfile
 from planner.programs.path.smooth_path import ProgramPath
-from planner.programs.reading.program import ARC, LINE, RAPID, Program
+from planner.programs.reading.program import ARC, LINE, RAPID, SPLINE, Program
 from planner.types import FloatArray
 
-KINDS = ("none", "rapid", "line", "arc")
-_KIND_OF_MOVE = np.zeros(3, dtype=np.int8)
-_KIND_OF_MOVE[[RAPID, LINE, ARC]] = 1, 2, 3
+KINDS = ("none", "rapid", "line", "arc", "spline")
+_KIND_OF_MOVE = np.zeros(4, dtype=np.int8)
+_KIND_OF_MOVE[[RAPID, LINE, ARC, SPLINE]] = 1, 2, 3, 4
 _FORMAT = "feedplan-lines 1"
 _UNITS = "mm, s; share is the part of the line's time for which the limit beside it holds it back"
 # Newton's steps to a time within an interval; next to a rest, where u goes with the cube of time, each leaves 2/3.
@@ -42,7 +42,7 @@ class LineTimes(Tabular):
     line : (m,) int64 array
         Line number in the file, from 1; strictly increasing.
     kind : (m,) int8 array
-        Index into ``KINDS``: none, rapid, line, arc; of several moves that of the longest.
+        Index into ``KINDS``: none, rapid, line, arc, spline; of several moves that of the longest.
     length : (m,) array
         Programmed path length, mm; of all its moves together, as the times are.
     u_start, u_end : (m,) arrays

@@ -182,6 +182,6 @@ def test_blend_begins_and_ends_with_exactly_its_legs():
 
 
 def test_a_shape_that_needs_more_panels_than_there_is_room_for_is_refused(monkeypatch):
-    monkeypatch.setattr("planner.geometry.blend._MAX_PANELS", 3)
+    monkeypatch.setattr("planner.geometry.bezier._MAX_PANELS", 3)
     with pytest.raises(CurveError, match="within 3 panels"):
         _ = corner(0.5 * np.pi, 0.1).inverse

@@ -118,7 +118,7 @@ def _columns(
     feed = np.where(turns, columns.feed[kept] / unit_mm(state), columns.feed[kept])
     feed[kind == RAPID] = np.inf
     return MoveColumns(
-        columns.line[kept], kind, end, centre, normal, sweep, feed, exact,
+        columns.line[kept], kind, end, centre, normal, sweep, np.full(called.size, -1), feed, exact,
         np.where(exact, 0.0, tolerances[kept, 0]), np.where(exact, np.nan, tolerances[kept, 1]),
     )  # fmt: skip
 

@@ -39,7 +39,7 @@ from planner.programs.path.smooth_path import (
     widest_piece,
 )
 from planner.programs.path.stretch import OVERLAP, Fitted, Stretch, fit
-from planner.programs.reading.program import Program, rows_of
+from planner.programs.reading.program import Program, part_of
 from planner.types import FloatArray
 
 _HISTORY, _AHEAD = 3, 3  # blocks that decide what a junction becomes, on either side
@@ -184,11 +184,11 @@ class _View:
         absorbed = source.absorbed
         size = len(absorbed.program)
         first, last = max(cursor.row - _HISTORY, 0), min(cursor.row + count, size)
-        blocks = MovingBlocks.of(rows_of(absorbed.program, slice(first, last)), None, source.used)
+        blocks = MovingBlocks.of(part_of(absorbed.program, slice(first, last)), None, source.used)
         edges = blocks.programmed.edges
         some = source.given(first, last)
         given = source.row[some]
-        programmed = MovingBlocks.of(rows_of(source.program, given), source.tolerance, source.used).programmed
+        programmed = MovingBlocks.of(part_of(source.program, given), source.tolerance, source.used).programmed
         begin = float(absorbed.edges[first])
         place = _at_edges(absorbed.place[some.start : some.stop + 1] - begin, edges)
         lines = [(lo - begin, hi - begin, tolerance) for lo, hi, tolerance in absorbed.lines(first, last)]

@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.geometry.blend import Blends, Legs
+from planner.geometry.bezier import Beziers
+from planner.geometry.blend import Blends, Legs, with_own_curves
 from planner.geometry.chain import INTERVALS_OF_KIND, ChainCurve, Kind
 from planner.programs.path.feeds import caps_of_blocks
 from planner.types import BoolArray, FloatArray
@@ -75,18 +76,21 @@ class Run:
         def within(values: FloatArray) -> FloatArray:
             return np.asarray(values[(values > u0) & (values < u1)] - u0)
 
-        blends = curve.blends
-        if blends is not None:
-            some = used[Kind.BLEND]
-            before, after, size = blends.before.taken(some), blends.after.taken(some), blends.size[some]
-            blends = Blends.between(before, after, size, blends.weight) if some.size else None
+        some = used[Kind.BLEND]
+        parts = [curve.legs.taken(used[Kind.LEG])]
+        if curve.blends is not None:
+            parts += [curve.blends.before.taken(some), curve.blends.after.taken(some)]
+        legs, *sides = with_own_curves(parts)
+        blends = None
+        if curve.blends is not None and some.size:
+            blends = Blends.between(sides[0], sides[1], curve.blends.size[some], curve.blends.weight)
         part = replace(
             curve,
             edges=curve.edges[first : last + 1] - u0,
             kind=kind,
             row=row,
             offset=curve.offset[inside],
-            legs=curve.legs.taken(used[Kind.LEG]),
+            legs=legs,
             blends=blends,
             spans=curve.spans[used[Kind.SPAN]],
             joints=within(curve.joints),
@@ -103,17 +107,15 @@ class Run:
         """Append the run that follows; ``rests``: the path stops between them."""
         a, at = self.curve, self.length
         b = _moved_on(a, other.curve)
-        before = {Kind.LEG: a.legs.rates.shape[0], Kind.BLEND: _count(a.blends), Kind.SPAN: a.spans.shape[0]}
-        shift = np.array([before[one] for one in Kind])
-        legs = _appended(a.legs, b.legs)
-        blends = a.blends if b.blends is None else b.blends
-        if a.blends is not None and b.blends is not None:
-            blends = Blends.between(
-                _appended(a.blends.before, b.blends.before),
-                _appended(a.blends.after, b.blends.after),
-                np.concatenate([a.blends.size, b.blends.size]),
-                a.blends.weight,
-            )
+        count = {Kind.LEG: a.legs.rates.shape[0], Kind.BLEND: _count(a.blends), Kind.SPAN: a.spans.shape[0]}
+        shift = np.array([count[one] for one in Kind])
+        legs = a.legs.joined(b.legs)
+        blends = a.blends
+        if b.blends is not None:
+            none = a.legs.taken(np.empty(0, dtype=np.intp))  # on the curves of a, which come first
+            before, after = (none, none) if a.blends is None else (a.blends.before, a.blends.after)
+            size = b.blends.size if a.blends is None else np.concatenate([a.blends.size, b.blends.size])
+            blends = Blends.between(before.joined(b.blends.before), after.joined(b.blends.after), size, b.blends.weight)
         # A block that the joint cuts in two is one block.
         same = bool(self.row[-1] == other.row[0])
         changes = not same and (self.feed[-1] != other.feed[0] or self.angular[-1] != other.angular[0])
@@ -155,20 +157,31 @@ class Run:
             out |= {"size": curve.blends.size, "weight": curve.blends.weight}
         for name, legs in parts.items():
             out |= {f"{name}_vectors": legs.vectors, f"{name}_rates": legs.rates}
+            if legs.ways is not None:
+                out[f"{name}_ways"] = legs.ways
+        if curve.legs.beziers is not None:
+            out |= {f"curves_{name}": array for name, array in curve.legs.beziers.arrays().items()}
         return out
 
     @classmethod
     def of_arrays(cls, arrays: dict[str, FloatArray], axes: tuple[str, ...], name: str) -> Run:
         """The run that :meth:`arrays` came from."""
-        blends = None
-        if "size" in arrays:
-            before, after = (Legs(arrays[f"{part}_vectors"], arrays[f"{part}_rates"]) for part in ("before", "after"))
-            blends = Blends.between(before, after, arrays["size"], arrays["weight"])
+        of_curves = {key.removeprefix("curves_"): array for key, array in arrays.items() if key.startswith("curves_")}
+        beziers = Beziers.of_arrays(of_curves) if of_curves else None
+
+        def legs(part: str) -> Legs:
+            return Legs(arrays[f"{part}_vectors"], arrays[f"{part}_rates"], arrays.get(f"{part}_ways"), beziers)
+
+        blends = (
+            Blends.between(legs("before"), legs("after"), arrays["size"], arrays["weight"])
+            if "size" in arrays
+            else None
+        )
         names = ("edges", "kind", "offset", "spans", "joints", "stops", "marks")
         curve = ChainCurve(
             **{key: arrays[key] for key in names},  # type: ignore[arg-type]
             row=np.asarray(arrays["piece_row"], dtype=np.intp),
-            legs=Legs(arrays["legs_vectors"], arrays["legs_rates"]),
+            legs=legs("legs"),
             blends=blends,
             axes=axes,
             name=name,
@@ -243,7 +256,7 @@ def _moved_on(before: ChainCurve, curve: ChainCurve) -> ChainCurve:
     def moved(legs: Legs) -> Legs:
         vectors = legs.vectors.copy()
         vectors[:, 0] += by
-        return Legs(vectors, legs.rates)
+        return replace(legs, vectors=vectors)
 
     spans, blends = curve.spans.copy(), curve.blends
     spans[:, :, 0] += by
@@ -254,7 +267,3 @@ def _moved_on(before: ChainCurve, curve: ChainCurve) -> ChainCurve:
 
 def _count(blends: Blends | None) -> int:
     return 0 if blends is None else int(blends.size.size)
-
-
-def _appended(a: Legs, b: Legs) -> Legs:
-    return Legs(np.concatenate([a.vectors, b.vectors]), np.concatenate([a.rates, b.rates]))

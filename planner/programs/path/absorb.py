@@ -14,9 +14,9 @@ is off is taken from the tolerance of what is made of it, so the path keeps to t
 the blocks as they were written.  In the end what a line is off is measured without regard to the order, and how large a
 corner beside it may be as well (``sizes``): a spike along a line, or a block across a corner, takes less than its length.
 
-Never left out: the ends of the program, stops, rapids and blocks without a tolerance, arcs longer than 0.2 tolerances, and
-blocks with a feed of their own that would take longer than 0.1 ms.  No line stands for blocks whose feed is measured along
-different axes.
+Never left out: the ends of the program, stops, rapids and blocks without a tolerance, arcs longer than 0.2 tolerances,
+splines whose bow is more than the share, and blocks with a feed of their own that would take longer than 0.1 ms.  No line
+stands for blocks whose feed is measured along different axes.
 """
 
 from __future__ import annotations
@@ -34,13 +34,14 @@ from planner.programs.path.corners import CORNER_TURN, SHARE_OF_BLOCK, tangent_j
 from planner.programs.path.deviation import Programmed
 from planner.programs.path.measure import LinePlace, Written
 from planner.programs.path.moves import MovingBlocks
-from planner.programs.reading.program import ARC, LINE, Program, rows_of
+from planner.programs.reading.program import ARC, LINE, SPLINE, Program, rows_of
 from planner.types import FloatArray
 
 _SHARES = (0.02, 0.1, 0.5, 0.9)  # of the tolerance
 _MICRO, _SHORT = 0.2, 1.5  # of the tolerance
 _TURN, _ALONE = 0.01, 0.1  # rad; the chords of a curve turn by less, or at either end alike
 _SPARE_TIME = 1e-4  # s
+_SPLINE_MARGIN = 1.1  # for what a spline does between the points looked at
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,7 +160,7 @@ def _pass(work: _Absorbing, share: float, *, beside: bool) -> NDArray[np.bool_]:
     small = bow <= share * own
     loose = _loose(blocks, own, beside=beside)
     if beside:
-        tiny = (moves.kind == ARC) & (length <= _MICRO * own)
+        tiny = (moves.kind >= ARC) & (length <= _MICRO * own)
         loose[1:-1] |= (tiny[1:] | tiny[:-1]) & ~blocks.stop & (np.minimum(own[1:], own[:-1]) > 0.0)
     loose[:-1] &= small
     loose[1:] &= small
@@ -181,7 +182,7 @@ def _measured(work: _Absorbing, written: Program) -> FloatArray:
     or over its end, may be nearer to one of the neighbours, for all its length: then it is laid to the charge of both.
     """
     row, moves, own = work.owner, work.moves, work.own
-    several = (np.bincount(row, minlength=own.size) > 1) & (np.bincount(row, written.kind == ARC, own.size) == 0.0)
+    several = (np.bincount(row, minlength=own.size) > 1) & (np.bincount(row, written.kind >= ARC, own.size) == 0.0)
     cost = np.where(several, 0.0, work.cost)
     some = np.flatnonzero(several[row])
     at, start, vector = row[some], written.start[some], (written.end - written.start)[some]
@@ -224,6 +225,9 @@ def _bow(moves: Program, length: FloatArray) -> FloatArray:
     """
     arc = np.flatnonzero(moves.kind == ARC)
     out = np.zeros(length.size)
+    if moves.beziers is not None:
+        on = np.flatnonzero(moves.kind == SPLINE)
+        out[on] = np.minimum(length[on], _SPLINE_MARGIN * moves.beziers.taken(moves.curve[on]).bow)
     normal = np.eye(3)[moves.normal[arc]]
     radii = []
     for point in (moves.start[arc, :3], moves.end[arc, :3]):
@@ -318,7 +322,7 @@ def _joined(work: _Absorbing, first: NDArray[np.intp]) -> _Absorbing:
     along = np.maximum.accumulate(np.clip(along, 0.0, 1.0) + row) - row
     away = np.sqrt(np.sum((moves.start - start[row] - along[:, None] * vector[row]) ** 2, axis=1))
     away[first] = 0.0
-    bow = np.where(moves.kind == ARC, length, 0.0)
+    bow = np.where(moves.kind >= ARC, length, 0.0)
     off = np.where(several, np.maximum.reduceat(away, first) + np.maximum.reduceat(bow + cost, first), cost[first])
     order = np.lexsort((length, row))
     main = order[np.append(first[1:], cost.size) - 1]  # the longest block of each
@@ -332,6 +336,7 @@ def _joined(work: _Absorbing, first: NDArray[np.intp]) -> _Absorbing:
         end=end,
         centre=np.where(several[:, None], np.nan, moves.centre[first]),
         sweep=np.where(several, 0.0, moves.sweep[first]),
+        curve=np.where(several, -1, moves.curve[first]),
         feed=moves.feed[main],
         stop_after=stop_after,
     )

@@ -181,7 +181,7 @@ def blends_at(
 
 def _fit_to_arcs(programmed: Programmed, junctions: Junctions, allowed: FloatArray) -> None:
     """Reduce the corners beside arcs until they keep the tolerance."""
-    curved = programmed.legs.rates[:, 0] != 0.0
+    curved = programmed.legs.curved
     at = np.flatnonzero((junctions.kind == Junction.CORNER) & (curved[:-1] | curved[1:]))
     for _ in range(_MAX_SHRINKS):
         if at.size == 0:

@@ -58,8 +58,10 @@ class Programmed:
         """Distance of points (n, dim) to the blocks within the windows around s, (n,)."""
         out = np.empty(s.size)
         points, s, window = (np.ascontiguousarray(a) for a in (points, s, window))
-        blocks = self.edges.size - 1, points.shape[1], self.edges, self.legs.vectors, self.legs.rates
-        core.deviation_to_blocks(*blocks, s.size, points, s, window, out)
+        legs, curves = self.legs, self.legs.beziers
+        blocks = self.edges.size - 1, points.shape[1], self.edges, legs.vectors, legs.rates, legs.ways
+        beziers = (0, *[None] * 5) if curves is None else curves.arguments
+        core.deviation_to_blocks(*blocks, *beziers, s.size, points, s, window, out)
         return out
 
 

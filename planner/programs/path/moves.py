@@ -22,7 +22,7 @@ from planner.geometry.blend import Legs
 from planner.geometry.curve import AXES, DEGREES, ROTARY_AXES
 from planner.geometry.tolerance import DEFAULT_TOLERANCE
 from planner.programs.path.deviation import Programmed
-from planner.programs.reading.program import ANGULAR, ARC, FEED_GROUPS, RAPID, Program
+from planner.programs.reading.program import ANGULAR, ARC, FEED_GROUPS, RAPID, SPLINE, Program
 from planner.types import BoolArray, FloatArray, IntArray
 
 _TURNS_BACK = np.cos(np.deg2rad(150.0))  # of the path the feed is measured on: there its speed would fall to 0
@@ -51,6 +51,9 @@ class ProgramAxes:
         )
         arcs = program.kind == ARC
         moving[np.unique((program.normal[arcs][:, None] + np.array([1, 2])) % 3)] = True
+        if program.beziers is not None:
+            used = np.unique(program.curve[program.kind == SPLINE])
+            moving[:3] |= program.beziers.powers[used, :-1].any(axis=(0, 2))
         named = [k for k in range(3) if program.axis_lines[k]]
         for k in (*named, 0, 1, 2):
             if moving.sum() < 2 or not moving[:3].any():
@@ -205,7 +208,12 @@ class ChainColumns:
         for k, (j, g) in enumerate(self.extra, start=len(self.scale)):
             vectors[:, 0, k] = self.start[:, k - len(self.scale)]
             vectors[:, 3, k] = np.where(self.blocks.group == g, legs.vectors[:, 3, j], 0.0)
-        return Legs(vectors, legs.rates)
+        if legs.ways is None or legs.beziers is None:
+            return Legs(vectors, legs.rates)
+        on = np.flatnonzero(legs.ways[:, 0] >= 0.0)
+        start = np.zeros((len(legs.beziers), vectors.shape[2]))
+        start[legs.ways[on, 0].astype(np.intp)] = vectors[on, 0]
+        return Legs(vectors, legs.rates, legs.ways, legs.beziers.with_columns(start))
 
     def spans(self, powers: FloatArray, first: float) -> FloatArray:
         """A tube from an abscissa on, within which the feed is measured along the same axes: its powers (n, d, 5)."""
@@ -252,7 +260,18 @@ def _legs(program: Program, row: IntArray, moves: BoolArray) -> tuple[Legs, Floa
         bent, rates[arc] = _arcs(program, row[arc], length[arc])
         xyz = columns[columns < 3]
         vectors[arc, :, : xyz.size] = bent[:, :, xyz]
-    return Legs(vectors, rates), length
+    if program.beziers is None:
+        return Legs(vectors, rates), length
+    on = np.flatnonzero(program.kind[row] == SPLINE)
+    curve = program.curve[row[on]]
+    ways = np.tile([-1.0, 0.0, 1.0], (row.size, 1))
+    ways[on, 0], length[on] = curve, program.beziers.length[curve]
+    rest = np.zeros((len(program.beziers), columns.size))
+    rest[curve] = start[on]
+    beziers = program.beziers.in_axes(columns, rest)
+    vectors[on] = 0.0
+    vectors[on, 0] = beziers.start[curve]
+    return Legs(vectors, rates, ways, beziers), length
 
 
 def _arcs(program: Program, row: IntArray, length: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -24,8 +24,11 @@ void tube_add_transposed(int64_t count, int64_t width, int64_t dim, const int64_
 void tube_apply_band(int64_t depth, int64_t n, const double *band, const double *x, double *out);
 
 /* Write the distance of each point (n, dim) to the blocks between abscissa - window and abscissa + window (n) into out
- * (n). Block i runs from edges[i] to edges[i + 1] along its leg: vectors (blocks, 4, dim) and rates (blocks, 2). */
+ * (n). Block i runs from edges[i] to edges[i + 1] along its leg: vectors (blocks, 4, dim), rates (blocks, 2), and where some are
+ * stretches of curves ways (blocks, 3).  Curves: as for bezier_at. */
 void deviation_to_blocks(int64_t blocks, int64_t dim, const double *edges, const double *vectors, const double *rates,
+                         const double *ways, int64_t terms, const double *powers, const double *curve_length,
+                         const int64_t *first_curve_panel, const double *curve_edges, const double *curve_panels,
                          int64_t n, const double *points, const double *abscissa, const double *window, double *out);
 
 /* Choose the vertices that stay: kept (blocks + 1) becomes 1 at these.

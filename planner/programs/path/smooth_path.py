@@ -248,13 +248,13 @@ def _with_arcs(
     blocks: MovingBlocks, spacing: FloatArray, at: FloatArray, start: float, end: float
 ) -> tuple[FloatArray, FloatArray]:
     """Add the spacing that arcs want, at their ends within the stretch and between."""
-    edges, rates = blocks.programmed.edges, blocks.programmed.legs.rates
+    edges, legs = blocks.programmed.edges, blocks.programmed.legs
     i = max(int(np.searchsorted(edges, start, side="right")) - 1, 0)
     j = int(np.searchsorted(edges, end, side="left"))
-    arcs = i + np.flatnonzero(rates[i:j, 0] != 0.0)
+    arcs = i + np.flatnonzero(legs.curved[i:j])
     if arcs.size == 0:
         return at, spacing
-    wanted = 0.4 / np.abs(rates[arcs, 0])
+    wanted = np.minimum(0.4 * legs.radius(arcs), edges[arcs + 1] - edges[arcs])
     lo, hi = np.maximum(edges[arcs], start), np.minimum(edges[arcs + 1], end)
     count = np.maximum(1, np.ceil((hi - lo) / wanted)).astype(int)
     index = np.repeat(np.arange(arcs.size), count + 1)

@@ -13,8 +13,9 @@ import numpy as np
 from planner.programs.reading.blocks import WordColumn
 from planner.programs.reading.cycles import run_cycle
 from planner.programs.reading.language import CHANGE, DISTANCE, MOTION, ONCE, SYSTEM, TOOL_LENGTH
+from planner.programs.reading.nurbs_blocks import require_closed, run_nurbs
 from planner.programs.reading.offsets import SYSTEM_CODES, origin
-from planner.programs.reading.positions import CYCLE, ProgramTrack, SideMove, block_numbers
+from planner.programs.reading.positions import CYCLE, NURBS, ProgramTrack, SideMove, block_numbers
 from planner.programs.reading.program import RAPID
 
 
@@ -23,7 +24,13 @@ def carry_positions(track: ProgramTrack) -> None:
     at = 0
     for row in track.special_rows().tolist():
         if row > at:
+            require_closed(track, at)
             track.run(at, row)
+        if track.kind[row] == NURBS:
+            run_nurbs(track, row)
+            at = row + 1
+            continue
+        require_closed(track, row)
         _act(track, row)
         at = row
         machine = track.in_machine_coordinates(row)
@@ -36,6 +43,7 @@ def carry_positions(track: ProgramTrack) -> None:
             track.run(row, row + 1)
             at = row + 1
     if at < track.kind.size:
+        require_closed(track, at)
         track.run(at, track.kind.size)
     tools = track.blocks.letters["T"]
     if tools.given.any():

@@ -42,6 +42,11 @@ G_WORDS: dict[int, LanguageWord] = {
     **_same((0, 10), LanguageWord(MOTION, AXIS_LETTERS)),
     **_same((20, 30), LanguageWord(MOTION, f"{AXIS_LETTERS}IJKRP")),
     **_same((382, 383, 384, 385), LanguageWord(MOTION, AXIS_LETTERS)),
+    50: LanguageWord(MOTION, "XYIJPQ"),
+    51: LanguageWord(MOTION, "XYIJ"),
+    52: LanguageWord(MOTION, "XYPL"),
+    53: LanguageWord(MOTION),
+    62: LanguageWord(MOTION, "XYZPKR"),
     800: LanguageWord(MOTION),
     **_same((810, 850), LanguageWord(MOTION, "XYZRL")),
     740: LanguageWord(MOTION, "XYZRP"),
@@ -72,6 +77,7 @@ G_WORDS: dict[int, LanguageWord] = {
 }
 
 PROBES = (382, 383, 384, 385)
+CUBIC, QUADRATIC, NURBS_BEGIN, NURBS_END, NURBS_KNOTS = 50, 51, 52, 53, 62
 CYCLES = (730, 740, 810, 820, 830, 840, 850, 860, 890)
 
 M_WORDS: dict[int, LanguageWord] = {
@@ -90,7 +96,6 @@ M_WORDS: dict[int, LanguageWord] = {
 
 # What is known and not read: why, for the message that lists it.
 UNREAD: dict[str, str] = {
-    **dict.fromkeys(("G5", "G5.1", "G5.2", "G5.3", "G6.2"), "splines; write G1, G2 or G3"),
     "G7": "diameters",
     **dict.fromkeys(("G17.1", "G18.1", "G19.1"), "planes of U, V and W"),
     **dict.fromkeys(("G33", "G33.1", "G76"), "threads"),

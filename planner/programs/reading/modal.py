@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputError
+from planner.geometry.bezier import Beziers
 from planner.geometry.curve import AXES, MAX_COORDINATE
 from planner.inputs import numbers
 from planner.programs.reading.blocks import Blocks
@@ -50,6 +51,20 @@ class CycleSeries:
 
 
 @dataclass
+class OpenNurbs:
+    """A NURBS whose blocks are being read: control points on the machine, mm, weights, knots, and the line of each point."""
+
+    code: int
+    line: int
+    order: int
+    start: FloatArray
+    points: list[FloatArray] = field(default_factory=list)
+    weights: list[float] = field(default_factory=list)
+    knots: list[float] = field(default_factory=list)
+    lines: list[int] = field(default_factory=list)
+
+
+@dataclass
 class ReadingState:
     """What one part of the file hands to the next, and the moves so far."""
 
@@ -74,6 +89,9 @@ class ReadingState:
     selected: int = 0  # by T
     loaded: int = 0  # by M6
     series: CycleSeries | None = None
+    nurbs: OpenNurbs | None = None
+    handle: FloatArray = field(default_factory=lambda: np.full(3, np.nan))  # with which a G5 may go on, mm
+    beziers: list[Beziers] = field(default_factory=list)  # of the splines so far
     programmed: FloatArray = field(default_factory=origin)
     position: FloatArray = field(default_factory=origin)  # where the last kept move ends
     first: FloatArray = field(default_factory=origin)
@@ -128,16 +146,21 @@ class ReadingState:
     def program(self) -> Program:
         """Put the parts together."""
         parts = self.parts or [MoveColumns.none()]
-        line, kind, centre, normal, sweep, feed, exact, tolerance, naive = (
+        line, kind, centre, normal, sweep, curve, feed, exact, tolerance, naive = (
             np.concatenate([getattr(part, name) for part in parts])
             for name in MoveColumns.__dataclass_fields__
             if name != "end"
         )
         points = self._points(parts)
+        beziers = self.beziers[0] if self.beziers else None
+        for more in self.beziers[1:]:
+            beziers = more if beziers is None else beziers.joined(more)
         for axis, count, shift in self.shifts:  # an axis stood there before its first word
             points[: count + 1, axis] += shift
             if axis < centre.shape[1]:
                 centre[:count, axis] += shift
+                if beziers is not None:
+                    beziers.start[curve[:count][curve[:count] >= 0], axis] += shift
         rapid = kind == RAPID
         stop = exact | rapid
         stop[:-1] |= rapid[1:]
@@ -150,8 +173,8 @@ class ReadingState:
         if (np.diff(line) <= 0).any():
             zero = zero[~np.isin(zero, line)]
         return Program(
-            self.source, line, kind, points[:-1], points[1:], centre, normal, sweep, feed, stop, tolerance, naive,
-            tuple(self.events), zero, self.line_count, self.axis_lines, self._notes(),
+            self.source, line, kind, points[:-1], points[1:], centre, normal, sweep, curve, feed, stop, tolerance, naive,
+            tuple(self.events), zero, self.line_count, self.axis_lines, self._notes(), beziers,
         )  # fmt: skip
 
     def _points(self, parts: list[MoveColumns]) -> FloatArray:
@@ -193,6 +216,7 @@ class MoveColumns:
     centre: FloatArray
     normal: NDArray[np.uint8]
     sweep: FloatArray
+    curve: LineArray
     feed: FloatArray
     exact: Mask
     tolerance: FloatArray
@@ -202,8 +226,8 @@ class MoveColumns:
     def none(cls) -> MoveColumns:
         """No moves."""
         byte, number, point = np.empty(0, dtype=np.uint8), np.empty(0), np.empty((0, 3))
-        flag = np.empty(0, dtype=np.bool_)
-        return cls(np.empty(0, dtype=np.int64), byte, point, point, byte, number, number, flag, number, number)
+        flag, index = np.empty(0, dtype=np.bool_), np.empty(0, dtype=np.int64)
+        return cls(index, byte, point, point, byte, number, index, number, flag, number, number)
 
 
 def _carried(given: Mask, value: NDArray[np.generic], before: float) -> NDArray[np.generic]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,8 @@ from planner.programs.reading.arcs import resolve_arcs
 from planner.programs.reading.language import CENTRES, MOTION, PATH_MODE, PLANE
 from planner.programs.reading.modal import MoveColumns
 from planner.programs.reading.positions import ProgramTrack
-from planner.programs.reading.program import ANGULAR, ARC, RAPID, ZERO_LENGTH_MM, arc_lengths, feed_lengths
+from planner.programs.reading.program import ANGULAR, ARC, RAPID, SPLINE, ZERO_LENGTH_MM, arc_lengths, feed_lengths
+from planner.programs.reading.splines import SplinePieces, spline_moves
 from planner.programs.reading.words import LineArray
 from planner.types import FloatArray
 
@@ -46,15 +47,17 @@ class MovesOfPart:
 def make_moves(track: ProgramTrack, feeds: BlockFeeds) -> MovesOfPart:
     """Make the moves; the lines of those too short to be one go to the state."""
     blocks, modal, state = track.blocks, track.modal, track.state
-    rows, kind, ends = _programmed(track)
+    rows, kind, ends, of_nurbs = _programmed(track)
     before = state.position.copy()
     keep = np.empty(rows.size, dtype=np.uint8)
-    core.reader_merge_short_moves(rows.size, ends.shape[1], ends, kind == ARC, ZERO_LENGTH_MM, state.position, keep)
+    whole = (kind == ARC) | (kind == SPLINE)
+    core.reader_merge_short_moves(rows.size, ends.shape[1], ends, whole, ZERO_LENGTH_MM, state.position, keep)
     state.zero_lines.append(blocks.line[rows[keep == 0]])
     dwells = _dwells(track, rows, keep)
     kept = keep == 1
-    rows, kind, end = rows[kept], kind[kept], ends[kept]
+    rows, kind, end, of_nurbs = rows[kept], kind[kept], ends[kept], of_nurbs[kept]
     start = np.concatenate([before[None, : end.shape[1]], end])[:-1]
+    splines = spline_moves(track, (rows, kind, start[:, :3], end[:, :3]), of_nurbs)
     normal = np.array([2, 1, 0], dtype=np.uint8)[modal[PLANE][rows] // 10 - 17]
     centre, sweep = np.full((rows.size, 3), np.nan), np.zeros(rows.size)
     arcs, along = np.flatnonzero(kind == ARC), np.empty(0)
@@ -64,29 +67,59 @@ def make_moves(track: ProgramTrack, feeds: BlockFeeds) -> MovesOfPart:
         for k in np.flatnonzero((along > _LONG_ARC_MM) & (np.abs(sweep[arcs]) >= 2.0 * np.pi)).tolist():
             turns = abs(float(sweep[arcs[k]])) / (2.0 * np.pi)
             state.long_arcs.append((int(blocks.line[rows[arcs[k]]]), float(along[k]), turns))
+    if splines is not None:
+        on, curved = splines.lengths()
+        arcs, along = np.append(arcs, on), np.append(along, curved)
     travel, group = feed_lengths(start, end, arcs, along)
     feed, rate = np.where(group == ANGULAR, feeds.angular[rows], feeds.feed[rows]), feeds.rate[rows]
     slowest = _SLOWEST / 60.0 * np.where(group == ANGULAR, 1.0, track.unit[rows])
     feed = np.where(kind == RAPID, np.inf, np.where(np.isnan(rate), feed, np.maximum(travel * rate, slowest)))
     exact = modal[PATH_MODE][rows] != 640
     columns = MoveColumns(
-        blocks.line[rows], kind.astype(np.uint8), end, centre, normal, sweep, feed, exact, feeds.tolerance[rows],
-        feeds.naive[rows],
+        blocks.line[rows], kind.astype(np.uint8), end, centre, normal, sweep, np.full(rows.size, -1), feed, exact,
+        feeds.tolerance[rows], feeds.naive[rows],
     )  # fmt: skip
+    if splines is not None:
+        columns, rows = _in_pieces(columns, rows, splines, sum(map(len, state.beziers)))
+        state.beziers.append(splines.beziers)
+    shaping = [line for nurbs in track.nurbs for line in (*nurbs.lines, int(blocks.line[nurbs.row]))]
+    state.zero_lines.append(np.setdiff1d(np.array(shaping, dtype=np.int64), columns.line))
     return MovesOfPart(columns, np.bincount(rows, minlength=track.kind.size), dwells)
 
 
-def _programmed(track: ProgramTrack) -> tuple[LineArray, LineArray, FloatArray]:
-    """Block, kind and end of every move, also of those in blocks that make several."""
-    rows = np.flatnonzero((track.kind >= RAPID) & (track.kind <= ARC))
-    kind, ends = track.kind[rows], track.points[1:][rows]
-    if not track.side:
-        return rows, kind, ends
-    rows = np.append(rows, [move.row for move in track.side])
+def _in_pieces(
+    columns: MoveColumns, rows: LineArray, splines: SplinePieces, first: int
+) -> tuple[MoveColumns, LineArray]:
+    """A move for each piece of a spline; the curves before theirs are ``first``."""
+    of = splines.move
+    count = np.ones(rows.size, dtype=np.int64)
+    count[of] = 0
+    np.add.at(count, of, 1)
+    move = np.repeat(np.arange(rows.size), count)
+    values = {item.name: getattr(columns, item.name)[move] for item in fields(MoveColumns)}
+    on = np.flatnonzero(np.isin(move, of))
+    values["line"][on] = splines.line
+    values["curve"][on] = first + np.arange(on.size)
+    inner = np.flatnonzero(of[1:] == of[:-1])  # where another piece of the same spline goes on
+    values["end"][on[inner], :3] = splines.beziers.start[inner + 1]
+    values["exact"][on[inner]] = False  # a block ends at its end
+    return MoveColumns(**values), rows[move]
+
+
+def _programmed(track: ProgramTrack) -> tuple[LineArray, LineArray, FloatArray, LineArray]:
+    """Block, kind and end of every move, also of those in blocks that make several, and which of the NURBS it is, or -1."""
+    rows = np.flatnonzero((track.kind >= RAPID) & (track.kind <= SPLINE))
+    kind, ends, of_nurbs = track.kind[rows], track.points[1:][rows], np.full(rows.size, -1)
+    side, nurbs = track.side, track.nurbs
+    if not side and not nurbs:
+        return rows, kind, ends, of_nurbs
+    rows = np.append(rows, [*(move.row for move in side), *(move.row for move in nurbs)])
     order = np.argsort(rows, kind="stable")
-    kind = np.append(kind, [move.kind for move in track.side])
-    ends = np.concatenate([ends, [move.end[: ends.shape[1]] for move in track.side]])
-    return rows[order], kind[order], np.ascontiguousarray(ends[order])
+    kind = np.append(kind, [*(move.kind for move in side), *(SPLINE for _ in nurbs)])
+    others = [*(move.end for move in side), *(move.end for move in nurbs)]
+    ends = np.concatenate([ends, np.array(others)[:, : ends.shape[1]]])
+    of_nurbs = np.append(of_nurbs, [*(-1 for _ in side), *range(len(nurbs))])
+    return rows[order], kind[order], np.ascontiguousarray(ends[order]), of_nurbs[order]
 
 
 def _dwells(track: ProgramTrack, rows: LineArray, keep: NDArray[np.uint8]) -> list[tuple[int, float, int]]:

@@ -15,12 +15,12 @@ from planner.programs.reading.blocks import Blocks
 from planner.programs.reading.language import AXIS_LETTERS, CHANGE, DISTANCE, MOTION, ONCE, SYSTEM, TOOL_LENGTH
 from planner.programs.reading.modal import INCH_MM, ReadingState
 from planner.programs.reading.offsets import origin
-from planner.programs.reading.program import ARC, RAPID
+from planner.programs.reading.program import RAPID, SPLINE
 from planner.programs.reading.words import LineArray
 from planner.types import FloatArray
 
 _DWELL, _MACHINE = 40, 530
-CYCLE = ARC + 1  # kind of a block with a canned cycle, beside those of moves
+CYCLE, NURBS = SPLINE + 1, SPLINE + 2  # kinds of blocks, beside those of moves: a canned cycle, a part of a NURBS
 
 
 @dataclass
@@ -31,6 +31,21 @@ class SideMove:
     kind: int
     end: FloatArray
     dwell: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class NurbsMove:
+    """A complete NURBS, made by the block ``row``: its lines, its control points (n, 3), mm, weights, knots and degree, and
+    where the machine stands then, (9,).
+    """
+
+    row: int
+    lines: list[int]
+    control: FloatArray
+    weights: FloatArray
+    knots: FloatArray
+    degree: int
+    end: FloatArray
 
 
 @dataclass
@@ -47,6 +62,7 @@ class ProgramTrack:
     state: ReadingState
     points: FloatArray = field(init=False)
     side: list[SideMove] = field(default_factory=list)
+    nurbs: list[NurbsMove] = field(default_factory=list)
     totals: list[tuple[int, FloatArray]] = field(default_factory=list)  # the offsets from a block on
 
     def __post_init__(self) -> None:
@@ -64,7 +80,7 @@ class ProgramTrack:
         special = once.given & (once.value != _DWELL)
         for column in (self.blocks.g[TOOL_LENGTH], self.blocks.g[SYSTEM], self.blocks.m[CHANGE]):
             special |= column.given
-        special |= self.kind == CYCLE
+        special |= self.kind >= CYCLE
         return np.flatnonzero(special)
 
     def in_machine_coordinates(self, row: int) -> bool:
@@ -81,6 +97,10 @@ class ProgramTrack:
             self.points[: row + 1, axis] += shift
         for move in self.side:
             move.end[axis] += shift
+        for nurbs in self.nurbs:
+            nurbs.end[axis] += shift
+            if axis < nurbs.control.shape[1]:
+                nurbs.control[:, axis] += shift
 
     def origins(self, rows: LineArray) -> FloatArray:
         """What absolute centres of arcs at these blocks count from, (m, 3), mm."""

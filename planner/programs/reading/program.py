@@ -9,14 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputError
+from planner.geometry.bezier import Beziers
 from planner.geometry.curve import AXES
 from planner.inputs import require_instance
 from planner.machine.limits import Limits
 from planner.types import FloatArray
 
-RAPID, LINE, ARC = 0, 1, 2
+RAPID, LINE, ARC, SPLINE = 0, 1, 2, 3
 _COLUMNS = (
-    "line", "kind", "start", "end", "centre", "normal", "sweep", "feed", "stop_after", "tolerance", "naive_tolerance"
+    "line", "kind", "start", "end", "centre", "normal", "sweep", "curve", "feed", "stop_after", "tolerance",
+    "naive_tolerance",
 )  # fmt: skip
 # Shorter moves are none: the line is kept and takes no time.  Degrees count as mm.
 ZERO_LENGTH_MM = 1e-6
@@ -63,7 +65,7 @@ class Program:
     line : (m,) int64 array
         Line number in the file, from 1.  A line may have several moves, and be run again.
     kind : (m,) uint8 array
-        ``RAPID``, ``LINE`` or ``ARC`` (helices and spirals as well).
+        ``RAPID``, ``LINE``, ``ARC`` (helices and spirals as well) or ``SPLINE``.
     start, end : (m, 9) arrays
         The axes in the order of :data:`~planner.geometry.curve.AXES`, mm, of A B C degrees; every move starts where the one
         before it ends.
@@ -76,6 +78,8 @@ class Program:
         Angle swept about the positive normal axis by the right-hand rule (G3 > 0, G2 < 0 in every plane), rad, at most
         a full turn, or with a P word whole turns more; 0 for lines and rapids.  The coordinates along the normal and of
         all other axes, and the radius where start and end differ in it, are linear in the angle.
+    curve : (m,) int64 array
+        Of a spline its row in ``beziers``, else -1.  A spline of the program may be several moves.
     feed : (m,) array
         Cap on the feed as ``lengths`` measures it, mm/s or degrees/s; inf for rapids.  A move under G93 has its length over
         its time.
@@ -95,6 +99,8 @@ class Program:
         The line of the first word of each axis; 0 where there is none.
     notes : tuple of str
         What was passed over as asked, and what was taken for 0 since the program does not say it.
+    beziers : Beziers, optional
+        The splines, as rational Bezier curves of X, Y and Z.
     """
 
     source: str
@@ -105,6 +111,7 @@ class Program:
     centre: FloatArray
     normal: NDArray[np.uint8]
     sweep: FloatArray
+    curve: NDArray[np.int64]
     feed: FloatArray
     stop_after: NDArray[np.bool_]
     tolerance: FloatArray
@@ -114,6 +121,7 @@ class Program:
     line_count: int
     axis_lines: NDArray[np.int64]
     notes: tuple[str, ...] = ()
+    beziers: Beziers | None = None
 
     def __post_init__(self) -> None:
         for item in fields(self):
@@ -150,6 +158,10 @@ class Program:
     def _measured(self) -> tuple[FloatArray, NDArray[np.uint8]]:
         arcs = np.flatnonzero(self.kind == ARC)
         along = arc_lengths(self.start[arcs], self.end[arcs], self.centre[arcs], self.normal[arcs], self.sweep[arcs])
+        if self.beziers is not None:
+            splines = np.flatnonzero(self.kind == SPLINE)
+            arcs = np.append(arcs, splines)
+            along = np.append(along, self.beziers.length[self.curve[splines]])
         found = feed_lengths(self.start, self.end, arcs, along)
         for array in found:
             array.setflags(write=False)
@@ -182,6 +194,16 @@ def rows_of(program: Program, rows: slice | NDArray[np.intp]) -> Program:
     return replace(program, **{name: getattr(program, name)[rows] for name in _COLUMNS}, events=())
 
 
+def part_of(program: Program, rows: slice | NDArray[np.intp]) -> Program:
+    """As :func:`rows_of`, and of the splines those of these moves alone."""
+    part = rows_of(program, rows)
+    if part.beziers is None:
+        return part
+    used, row = np.unique(part.curve, return_inverse=True)
+    rests = int(used.size > 0 and used[0] < 0)  # moves that are no splines
+    return replace(part, curve=row.astype(np.int64) - rests, beziers=part.beziers.taken(used[rests:]))
+
+
 def feed_lengths(
     start: FloatArray, end: FloatArray, arcs: NDArray[np.intp], along: FloatArray
 ) -> tuple[FloatArray, NDArray[np.uint8]]:
@@ -192,7 +214,7 @@ def feed_lengths(
     start, end : (m, k) arrays
         Points in the axes that are carried: X Y Z, or all nine.
     arcs : (n,) int array
-        Moves that are arcs.
+        Moves that are arcs or splines.
     along : (n,) array
         Their lengths in X Y Z, mm.
     """

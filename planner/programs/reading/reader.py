@@ -46,6 +46,7 @@ from planner.programs.reading.program import LINE, Program
 from planner.programs.reading.program_events import add_events
 from planner.programs.reading.rules import check_motion, check_words
 from planner.programs.reading.setup import Tool, read_tool_table
+from planner.programs.reading.splines import check_splines
 from planner.programs.reading.unread import UnreadWords, ignored_words
 from planner.programs.reading.words import Faults, Words, keep_words, read_words
 
@@ -160,6 +161,7 @@ def _read_part(words: Words, state: ReadingState) -> None:
         unit = units(modal)
         kind = check_motion(blocks, modal)
         check_words(blocks, modal[MOTION], kind)
+        check_splines(blocks, modal, kind)
         feeds = BlockFeeds(*carry_feeds(blocks, modal, unit, kind, state), *carry_tolerances(blocks, unit, state))
         track = ProgramTrack(blocks, modal, unit, kind, state)
         carry_positions(track)

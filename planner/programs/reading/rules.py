@@ -8,10 +8,14 @@ from planner.programs.reading.blocks import Blocks, WordColumn
 from planner.programs.reading.language import (
     AXIS_LETTERS,
     CENTRES,
+    CUBIC,
     CYCLES,
     G_WORDS,
     M_WORDS,
     MOTION,
+    NURBS_BEGIN,
+    NURBS_END,
+    NURBS_KNOTS,
     ONCE,
     OWNED_LETTERS,
     PLANE,
@@ -24,6 +28,7 @@ from planner.programs.reading.language import (
 )  # fmt: skip
 from planner.programs.reading.positions import CYCLE
 from planner.programs.reading.program import ARC, LINE, RAPID
+from planner.programs.reading.splines import spline_kinds
 from planner.programs.reading.words import LineArray, Mask
 
 _DWELL, _INPUT, _ORIENT = 40, 66, 19
@@ -67,19 +72,22 @@ def check_words(blocks: Blocks, motion: LineArray, kind: LineArray) -> None:
     faults, letters = blocks.faults, blocks.letters
     number = letters["N"]
     faults.add(number.word[number.given & (number.word != blocks.first)], "a line number must come first in its block")
+    free = np.isin(motion, (CUBIC, NURBS_BEGIN))  # P is a handle, or has a rule of its own
     for name in "NFSTPDHL":
         column = letters[name]
         if column.given.any():
-            faults.add(column.at(column.value < 0.0), "must not be negative")
+            faults.add(column.at((column.value < 0.0) & ~(free & (name == "P"))), "must not be negative")
     q = letters["Q"]
-    faults.add(q.at((q.value < 0.0) & ~blocks.m[SIGNAL].given), "must not be negative")
+    faults.add(q.at((q.value < 0.0) & ~blocks.m[SIGNAL].given & (motion != CUBIC)), "must not be negative")
     for name in "TDHL":
         column = letters[name]
         if column.given.any():
             faults.add(column.at(column.value != np.rint(column.value)), "must be a whole number")
     r, p = letters["R"], letters["P"]
     faults.add(r.at((r.value == 0.0) & np.isin(motion, (20, 30))), "the radius must not be 0")
-    faults.add(r.at(blocks.any_of("IJK")), "an arc has a radius R or a centre I, J, K, not both")
+    faults.add(
+        r.at(blocks.any_of("IJK") & (motion != NURBS_KNOTS)), "an arc has a radius R or a centre I, J, K, not both"
+    )
     inputs = blocks.m[SIGNAL].has(_INPUT)
     faults.add(blocks.m[SIGNAL].at(inputs & ~p.given & ~letters["E"].given), "needs the number of an input, P or E")
     for column, letter, table in (
@@ -162,6 +170,9 @@ def check_motion(blocks: Blocks, modal: dict[int, LineArray]) -> LineArray:
     kind[arc & (ends | centres)] = ARC
     if ((active > 30) & (active != 800)).any():
         kind[np.isin(active, PROBES) & ends] = LINE
+        spline_kinds(blocks, active, kind, ends)
+        over = ends & (active == NURBS_END) & ~word.given
+        faults.add(blocks.first_of(AXIS_LETTERS, over), "no G0, G1, G2, G3 or cycle is active")
         cycle = np.isin(active, CYCLES)
         kind[cycle & blocks.any_of("XYZ")] = CYCLE
         other_axes = AXIS_LETTERS[3:]

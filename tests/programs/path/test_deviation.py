@@ -6,7 +6,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planner.compiled import core
 from planner.geometry.blend import Legs
 from planner.geometry.nurbs import NurbsCurve
 from planner.programs.path.deviation import Programmed, deviation, foot_distance, refined_peaks
@@ -163,7 +162,7 @@ def test_blocks_that_are_not_looked_at_are_not_the_nearest(seed, dim):
     block = np.searchsorted(edges, s, side="right") - 1
     points = vectors[block, 0] + rng.choice([0.0, 1e-9, 0.005, 0.3, 30.0], (n, 1)) * rng.normal(size=(n, dim))
     window = rng.choice([0.0, 1.0, 7.0, 1e3], n)
-    core.deviation_to_blocks(300, dim, edges, vectors, rates, n, points, s, window, found := np.empty(n))
+    found = Programmed(edges, Legs(vectors, rates)).distance(points, s, window)
     reference.distance_to_blocks(edges, vectors, rates, points, s, window, expected := np.empty(n))
     assert found.tobytes() == expected.tobytes()
 
@@ -177,7 +176,6 @@ def test_the_compiled_distance_has_the_bits_of_plain_python(seed, dim):
     s = np.concatenate([rng.uniform(0.0, edges[-1], n - 2), edges[[0, -1]]])
     points = vectors[rng.integers(0, len(vectors), n), 0] + rng.normal(size=(n, dim))
     window = rng.choice([0.0, 0.1, 3.0, 100.0], n)
-    blocks = len(vectors), dim, edges, vectors, rates
-    core.deviation_to_blocks(*blocks, n, points, s, window, found := np.empty(n))
+    found = Programmed(edges, Legs(vectors, rates)).distance(points, s, window)
     reference.distance_to_blocks(edges, vectors, rates, points, s, window, expected := np.empty(n))
     assert found.tobytes() == expected.tobytes()

@@ -34,7 +34,6 @@ REFUSED = {
     "F60\nG1 A1 A2\nM2": "2: A2: the block has A1 already",
     "G41 D1\nM2": unread(1, "G41", ", cutter compensation"),
     "G87 X1 Z-1 R1\nM2": unread(1, "G87", ", cycles that wait for a hand"),
-    "G5.2 X1 Y1\nM2": unread(1, "G5.2", ", splines; write G1, G2 or G3"),
     "G95\nM2": unread(1, "G95", ", feed per revolution"),
     "G12\nM2": unread(1, "G12", ""),
     "G1.05 X1\nM2": unread(1, "G1.05", ""),
@@ -55,7 +54,7 @@ REFUSED = {
     "F60 M4\nG84 X1 Z-1 R1\nM2": "2: X1: the spindle turns the other way; a cycle G84 needs M3",
     "F60\nG86 X1 Z-1 R1 P1\nM2": "2: X1: a cycle G86 needs a spindle that turns, M3 or M4",
     "F60 M4\nG74 X1 Z-1 R1 L2\nM2": (
-        "2: L2: belongs to a word that is not in the block; it is read beside G10, M66, G81, G85, G82, G84, G86, G89 ..."
+        "2: L2: belongs to a word that is not in the block; it is read beside G10, M66, G5.2, G81, G85, G82, G84, G86 ..."
     ),
     "G18 F60\nG1 @1 ^2\nM2": "2: @1: polar coordinates are in the plane G17, which is not in force",
     "G93 G1 X1 F0\nM2": "1: F0: must be > 0",
@@ -88,7 +87,7 @@ REFUSED = {
     ),
     "G64 G4 P1\nM2": "1: P1: could belong to several words of the block; write them in two blocks",
     "Q1\nM2": (
-        "1: Q1: belongs to a word that is not in the block; it is read beside G64, M61, M19, M66, M67, M68, G73, G83"
+        "1: Q1: belongs to a word that is not in the block; it is read beside G64, M61, M19, M66, M67, M68, G5, G73 ..."
     ),
     "G0 N10 X1\nM2": "1: N10: a line number must come first in its block",
     "T1.5\nM2": "1: T1.5: must be a whole number",
