@@ -317,6 +317,7 @@ def load_job(
     """
     from planner.geometry.catalog import require_no_choice
     from planner.geometry.curve import ROTARY_AXES, Curve
+    from planner.programs.source import require_no_program_options
 
     tolerance, choice = _positive(tolerance), DrawingChoice(layer, chain)
     if not isinstance(source, Curve) and is_program(source):
@@ -331,6 +332,7 @@ def load_job(
             limits,
             named,
         )  # fmt: skip
+    require_no_program_options(source, tools, ignore)
     made = plain_curve(source, scale, tolerance, share, choice)
     example = "five-axis" if ROTARY_AXES & set(made.curve.axes) else "mill"
     found, named = load_machine(machine, example, complete=complete)
@@ -379,6 +381,7 @@ def load_job_of_table(
     from planner.geometry.catalog import require_no_choice
     from planner.geometry.curve import Curve
     from planner.machine.machine_file import read_machine
+    from planner.programs.source import require_no_program_options
 
     own = table_limits(table)
     said = tolerance_of_table(table, source)
@@ -401,6 +404,7 @@ def load_job_of_table(
             widen=not said.machine,
         )
     else:
+        require_no_program_options(source, tools, ignore)
         found = plain_curve(source, scale, tolerance, said.share, choice)
     if on is None:
         if complete:

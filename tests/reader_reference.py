@@ -33,10 +33,11 @@ def _comment_end(text, i, close):
 
 
 def _number(text, j):
-    """The decimal number at an offset: its value, where it ends, and how many digits it has."""
+    """The decimal number at an offset, with any number of signs: its value, where it ends, and how many digits it has."""
     size = len(text)
-    sign = -1.0 if j < size and text[j] == 45 else 1.0
-    if j < size and (text[j] == 45 or text[j] == 43):
+    sign = 1.0
+    while j < size and text[j] in b"+- \t":
+        sign = -sign if text[j] == 45 else sign
         j += 1
     mantissa, decimals, dropped, digits, dot = 0, 0, 0, 0, False
     while j < size and (48 <= text[j] <= 57 or (text[j] == 46 and not dot)):
@@ -92,8 +93,6 @@ def scan_words(text, letter, value, first, stop, line, fault):
         number, j = 0.0, i + 1
         what = 0
         if 65 <= c <= 90:
-            while j < len(text) and (text[j] == 32 or text[j] == 9):
-                j += 1
             number, j, digits = _number(text, j)
             what = 0 if digits > 0 else NO_NUMBER
         elif c != 37:

@@ -63,18 +63,21 @@ ELSEWHERE = {
         "planner.programs.path.tube_knots",
         "planner.programs.reading.noise",
     ),
+    "programs/reading/test_compensation.py": tuple(
+        f"planner.programs.reading.{name}" for name in ("compensation_words", "tool_guide")
+    ),
     "programs/reading/test_offsets.py": tuple(
         f"planner.programs.reading.{name}" for name in ("acts", "setup", "unread")
     ),
     "programs/reading/test_flow.py": tuple(
         f"planner.programs.reading.{name}" for name in ("flow_lines", "flow_words", "machine_parameters")
     ),
+    "programs/reading/test_threads.py": ("planner.programs.reading.spindle",),
     "programs/reading/test_refusals.py": ("planner.programs.reading.rules",),
     "programs/reading/test_splines.py": ("planner.programs.reading.nurbs_blocks",),
     "programs/reading/test_reader.py": tuple(
         f"planner.programs.reading.{name}"
         for name in (
-            "arcs",
             "blocks",
             "language",
             "modal",
@@ -82,7 +85,6 @@ ELSEWHERE = {
             "positions",
             "program",
             "program_events",
-            "words",
         )
     ),
     "verify/certificate/test_certificate.py": (
@@ -120,6 +122,7 @@ TOPICS = {
     "plan/test_two_sided.py": "rows whose bounds are not symmetric",
     "programs/path/test_path_of_axes.py": "paths of rotary axes and of U V W",
     "programs/reading/test_axes.py": "words of rotary axes and of U V W",
+    "programs/reading/test_threads.py": ("planner.programs.reading.spindle",),
     "programs/reading/test_refusals.py": "programs that are refused",
     "programs/test_machine_setup.py": "homes, work offsets and tool changes of a machine file",
     "programs/test_spline_paths.py": "splines of a program, from the reader to the plan",

@@ -56,6 +56,8 @@ _FLOOR = 1e-3  # of a limit; less is drawn as this
 @options.scale
 @options.layer
 @options.chain
+@options.tools
+@options.ignore
 @options.commanded_feed
 @options.period
 @options.reader
@@ -73,6 +75,8 @@ def compare(
     scale: float,
     layer: str | None,
     chain: int | None,
+    tools: Path | None,
+    ignore: tuple[str, ...],
     feed_mm_s: float | None,
     period_s: float | None,
     reader: str,
@@ -105,6 +109,8 @@ def compare(
             scale=scale,
             feed=feed_mm_s,
             period=period_s,
+            tools=tools,
+            ignore=ignore,
             reader=reader,
             layer=layer,
             chain=chain,

@@ -76,9 +76,7 @@ tolerance = click.option(
     type=float,
     help="Distance allowed from a part program, in place of its P words, or from points.",
 )
-tools = click.option(
-    "--tools", type=FILE, help="Tool table of LinuxCNC, .tbl, for the lengths of a part program's G43."
-)
+tools = click.option("--tools", type=FILE, help="Tool table of LinuxCNC, .tbl, for a part program's G41, G42 and G43.")
 setup = click.option(
     "--setup",
     metavar="FILE",

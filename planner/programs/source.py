@@ -36,6 +36,8 @@ def load_curve(
     scale: float = 1.0,
     tolerance: float | None = None,
     limits: Limits | None = None,
+    tools: str | Path | Mapping[int, Tool] | None = None,
+    ignore: Sequence[str] = (),
     reader: str = "feedplan",
     layer: str | None = None,
     chain: int | None = None,
@@ -56,6 +58,10 @@ def load_curve(
         Of the machine that is to run the part program: they weigh in its corners where smoothness is worth most.  Left
         out, those of the example machine ``mill``; the path keeps its tolerance either way, and any limits can be planned
         with.
+    tools : str, Path or mapping of int to Tool, optional
+        The tools of the part program, as :func:`~planner.programs.reading.reader.read_program` takes them.
+    ignore : sequence of str
+        Words of the part program to pass over.
     reader : str
         Of a part program: "feedplan", or "rs274" for the interpreter of an installed LinuxCNC.
     layer : str, optional
@@ -85,8 +91,10 @@ def load_curve(
         require_unscaled(source, scale)
         tolerance = None if tolerance is None else positive_number(tolerance, "tolerance")
         machine = "" if limits is not None else EXAMPLE
-        path = path_of(program_of(source, reader), load_limits(machine) if limits is None else limits, tolerance)
+        program = program_of(source, reader, tools=tools, ignore=ignore)
+        path = path_of(program, load_limits(machine) if limits is None else limits, tolerance)
         return replace(path.curve, made_within=PathTolerance(tolerance, machine=machine))
+    require_no_program_options(source, tools, ignore)
     if reader != READERS[0]:
         raise InputError(f"reader = {reader!r} is for part programs; {source} is none")
     if tolerance is None:
@@ -151,6 +159,13 @@ def path_of(program: Program, limits: Limits, tolerance: float | None, share: fl
 def given_tolerances(program: Program) -> np.ndarray[Any, np.dtype[np.float64]]:
     """P word in force at every move, mm, the default where there is none."""
     return np.where(np.isnan(program.tolerance), DEFAULT_TOLERANCE, program.tolerance)
+
+
+def require_no_program_options(source: object, tools: object, ignore: Sequence[str]) -> None:
+    """Refuse what only a part program can be read with."""
+    for name, given in (("tools", tools), ("ignore", ignore or None)):
+        if given is not None:
+            raise InputError(f"{name} = {given!r} is for part programs, {', '.join(SUFFIXES)}; {source} is none")
 
 
 def require_unscaled(source: str | Path, scale: float) -> None:

@@ -82,6 +82,8 @@ def test_points_within_a_tolerance(tmp_path):
     ("source", "options", "said"),
     [
         ("teardrop", {"tolerance": 0.1}, "is for part programs and points; teardrop is exact"),
+        ("teardrop", {"tools": "tool.tbl"}, "tools = 'tool.tbl' is for part programs, .ngc, .nc"),
+        ("teardrop", {"ignore": ["A"]}, r"ignore = \['A'\] is for part programs, .ngc, .nc"),
         (SLOTS, {"scale": 2.0}, "scale = 2.0 is not for .*slots.ngc; it must be 1"),
         (SLOTS, {"tolerance": -1.0}, "tolerance = -1.0 must be a number > 0"),
         ("nope.ngc", {}, "nope.ngc: cannot be read"),

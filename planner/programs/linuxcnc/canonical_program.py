@@ -120,6 +120,7 @@ def _columns(
     return MoveColumns(
         columns.line[kept], kind, end, centre, normal, sweep, np.full(called.size, -1), feed, exact,
         np.where(exact, 0.0, tolerances[kept, 0]), np.where(exact, np.nan, tolerances[kept, 1]),
+        np.zeros(called.size, dtype=np.int64),
     )  # fmt: skip
 
 

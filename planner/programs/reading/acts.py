@@ -1,7 +1,7 @@
 """Words that act at once, where the machine stands: homes, coordinate systems, offsets, tool lengths, tool changes.
 
-Each has a function in ``_ONCE`` or ``_LENGTHS``.  Order in a block, as LinuxCNC has it: tool change, tool length,
-coordinate system, then the others, then the motion.
+Each has a function in a table of its modal group.  Order in a block, as LinuxCNC has it: tool change, cutter compensation,
+tool length, coordinate system, then the others, then the motion.
 """
 
 from __future__ import annotations
@@ -11,12 +11,14 @@ from collections.abc import Callable
 import numpy as np
 
 from planner.programs.reading.blocks import WordColumn
+from planner.programs.reading.compensation_words import COMPENSATIONS, NOT_BESIDE
 from planner.programs.reading.cycles import run_cycle
-from planner.programs.reading.language import CHANGE, DISTANCE, MOTION, ONCE, SYSTEM, TOOL_LENGTH
+from planner.programs.reading.language import CHANGE, COMPENSATION, DISTANCE, MOTION, ONCE, SYSTEM, TOOL_LENGTH
 from planner.programs.reading.nurbs_blocks import require_closed, run_nurbs
 from planner.programs.reading.offsets import SYSTEM_CODES, origin
 from planner.programs.reading.positions import CYCLE, NURBS, ProgramTrack, SideMove, block_numbers
 from planner.programs.reading.program import RAPID
+from planner.programs.reading.threads import THREADS
 
 
 def carry_positions(track: ProgramTrack) -> None:
@@ -37,7 +39,7 @@ def carry_positions(track: ProgramTrack) -> None:
         if machine:
             _note_machine(track, row)
         if track.kind[row] == CYCLE:
-            run_cycle(track, row)
+            THREADS.get(int(track.modal[MOTION][row]), run_cycle)(track, row)
             at = row + 1
         elif machine:
             track.run(row, row + 1)
@@ -48,6 +50,7 @@ def carry_positions(track: ProgramTrack) -> None:
     tools = track.blocks.letters["T"]
     if tools.given.any():
         track.state.selected = _selected(track, track.kind.size - 1)
+        _require_tools(track)
     track.require_near()
 
 
@@ -58,9 +61,17 @@ def _act(track: ProgramTrack, row: int) -> None:
         track.state.loaded = _selected(track, row) if by_number is None else int(by_number)
         if by_number is None and track.state.offsets.tool_change is not None:
             _go_to_tool_change(track, row)
-    for column, table in ((blocks.g[TOOL_LENGTH], _LENGTHS), (blocks.g[SYSTEM], _SYSTEMS), (blocks.g[ONCE], _ONCE)):
-        if column.given[row]:
-            table.get(int(column.value[row]), _nothing)(track, row)
+    for group, table in ((COMPENSATION, COMPENSATIONS), (TOOL_LENGTH, _LENGTHS), (SYSTEM, _SYSTEMS), (ONCE, _ONCE)):
+        if blocks.g[group].given[row]:
+            table.get(int(blocks.g[group].value[row]), _nothing)(track, row)
+
+
+def _require_tools(track: ProgramTrack) -> None:
+    """Refuse tools that the table, where there is one, lacks."""
+    offsets, tools = track.state.offsets, track.blocks.letters["T"]
+    if offsets.given is not None:
+        known = np.isin(tools.value, [0, *offsets.given, *offsets.written])
+        track.blocks.faults.add(tools.at(~known), "the tool table has no such tool; add a line for it, as T1 P1 Z40 D6")
 
 
 def _selected(track: ProgramTrack, row: int) -> int:
@@ -187,6 +198,9 @@ def _set_offsets(track: ProgramTrack, row: int) -> None:
             _refuse(track, blocks.letters["P"], row, "the number of a tool must be a whole number of at least 1")
         for axis, number in enumerate(numbers):
             tool[axis] = tool[axis] if number is None else number
+        radius = blocks.number(row, "R")
+        if radius is not None:
+            state.offsets.radii[int(which)] = radius * float(track.unit[row])
         return
     if level not in (2.0, 20.0):
         _refuse(track, blocks.letters["L"], row, "of G10 only L1, L2 and L20 are read")
@@ -197,6 +211,9 @@ def _set_offsets(track: ProgramTrack, row: int) -> None:
     if blocks.number(row, "R"):
         _refuse(track, blocks.letters["R"], row, "a coordinate system that is turned is not read; turn the program")
     system = int(which) - 1 if which else state.offsets.active
+    if system == state.offsets.active and track.modal[COMPENSATION][row] != 400:
+        _refuse(track, blocks.g[ONCE], row, NOT_BESIDE)
+        return
     for axis, number in enumerate(numbers):
         if number is not None and level == 2.0:
             state.offsets.systems[system, axis] = number

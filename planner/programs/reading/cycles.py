@@ -98,7 +98,7 @@ class _Hole:
 def run_cycle(track: ProgramTrack, row: int) -> None:
     """Make the moves of the cycle in a block."""
     state = track.state
-    normal = {170: 2, 180: 1, 190: 0}[int(track.modal[PLANE][row])]
+    normal = {17: 2, 18: 1, 19: 0}[int(track.modal[PLANE][row]) // 10]
     code = int(track.modal[MOTION][row])
     series = state.series if state.series is not None else CycleSeries(code, float(state.programmed[normal]))
     hole = _hole(track, row, series, normal, code)
@@ -138,8 +138,8 @@ def _hole(track: ProgramTrack, row: int, series: CycleSeries, normal: int, code:
             if turning == 5
             else (f"the spindle turns the other way; a cycle G{code // 10} needs {_SPINDLE_SAID[code]}")
         )
-    elif track.modal[FEED_MODE][row] != 940:
-        reason = "a cycle needs a feed in units a minute, G94"
+    elif track.modal[FEED_MODE][row] == 930:
+        reason = "a cycle needs a feed in units a minute or a turn, G94 or G95"
     if reason:
         blocks.faults.add(word, reason)
         return None

@@ -7,29 +7,37 @@ block: that of the last block that names it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.compiled import core
 from planner.errors import InputError
 from planner.geometry.bezier import Beziers
 from planner.geometry.curve import AXES, MAX_COORDINATE
 from planner.inputs import numbers
 from planner.programs.reading.blocks import Blocks
+from planner.programs.reading.compensation import CompensatedTool, ProgrammedPath, compensate
 from planner.programs.reading.language import (
     AXIS_LETTERS,
     CENTRES,
+    COMPENSATION,
+    DIAMETER,
     DISTANCE,
     FEED_MODE,
     MOTION,
     PATH_MODE,
     PLANE,
     RETRACT,
+    SPEED_MODE,
+    TAP,
+    THREAD,
+    THREADING,
     UNITS,
 )  # fmt: skip
 from planner.programs.reading.offsets import Offsets, origin
-from planner.programs.reading.program import LINE, RAPID, Event, Program
+from planner.programs.reading.program import ARC, LINE, RAPID, SPLINE, ZERO_LENGTH_MM, Event, Program
 from planner.programs.reading.unread import UnreadWords
 from planner.programs.reading.words import LineArray, Mask
 from planner.types import FloatArray
@@ -74,11 +82,13 @@ class ReadingState:
     modal: dict[int, int] = field(
         default_factory=lambda: {
             MOTION: 800, PLANE: 170, UNITS: 210, DISTANCE: 900, CENTRES: 911, FEED_MODE: 940, PATH_MODE: 640,
-            RETRACT: 990,
+            COMPENSATION: 400, RETRACT: 990, SPEED_MODE: 970, DIAMETER: 80,
         }
     )  # fmt: skip
-    feed: float = np.nan  # mm/s under G94
-    angular_feed: float = np.nan  # the same F in degrees/s
+    feed: float = np.nan  # mm/s under G94, mm a turn under G95
+    angular_feed: float = np.nan  # the same F in degrees
+    speed_bound: float = np.inf  # D of G96, turns a minute
+    turning: bool = False  # the spindle, by M3 or M4
     feed_mode: int = 940
     tolerance: float = np.nan
     naive: float = np.nan
@@ -92,6 +102,8 @@ class ReadingState:
     nurbs: OpenNurbs | None = None
     handle: FloatArray = field(default_factory=lambda: np.full(3, np.nan))  # with which a G5 may go on, mm
     beziers: list[Beziers] = field(default_factory=list)  # of the splines so far
+    tools: list[CompensatedTool] = field(default_factory=list)  # of each G41 and G42
+    tool_beside: int = 0  # the number of the last of them, 0 after G40
     programmed: FloatArray = field(default_factory=origin)
     position: FloatArray = field(default_factory=origin)  # where the last kept move ends
     first: FloatArray = field(default_factory=origin)
@@ -146,23 +158,23 @@ class ReadingState:
     def program(self) -> Program:
         """Put the parts together."""
         parts = self.parts or [MoveColumns.none()]
-        line, kind, centre, normal, sweep, curve, feed, exact, tolerance, naive = (
-            np.concatenate([getattr(part, name) for part in parts])
-            for name in MoveColumns.__dataclass_fields__
-            if name != "end"
-        )
         points = self._points(parts)
         beziers = self.beziers[0] if self.beziers else None
         for more in self.beziers[1:]:
             beziers = more if beziers is None else beziers.joined(more)
         for axis, count, shift in self.shifts:  # an axis stood there before its first word
             points[: count + 1, axis] += shift
-            if axis < centre.shape[1]:
-                centre[:count, axis] += shift
+        moves = MoveColumns.joined(parts, points[1:])
+        for axis, count, shift in self.shifts:
+            if axis < moves.centre.shape[1]:
+                moves.centre[:count, axis] += shift
                 if beziers is not None:
-                    beziers.start[curve[:count][curve[:count] >= 0], axis] += shift
-        rapid = kind == RAPID
-        stop = exact | rapid
+                    beziers.start[moves.curve[:count][moves.curve[:count] >= 0], axis] += shift
+        if self.tools:
+            moves = self._beside_tools(moves, points[:-1])
+            points = np.concatenate([points[:1], moves.end])
+        rapid = moves.kind == RAPID
+        stop = moves.exact | rapid
         stop[:-1] |= rapid[1:]
         stop[-1:] = True
         at = np.array([e.after_move for e in self.events if e.kind not in _NO_STOP_KINDS], dtype=np.int64)
@@ -170,11 +182,12 @@ class ReadingState:
         zero = np.concatenate([*self.zero_lines, np.empty(0, dtype=np.int64)])
         if (np.diff(zero) <= 0).any():
             zero = np.unique(zero)  # of a block with several moves, or that is run again
-        if (np.diff(line) <= 0).any():
-            zero = zero[~np.isin(zero, line)]
+        if self.tools or (np.diff(moves.line) <= 0).any():
+            zero = zero[~np.isin(zero, moves.line)]
         return Program(
-            self.source, line, kind, points[:-1], points[1:], centre, normal, sweep, curve, feed, stop, tolerance, naive,
-            tuple(self.events), zero, self.line_count, self.axis_lines, self._notes(), beziers,
+            self.source, moves.line, moves.kind, points[:-1], points[1:], moves.centre, moves.normal, moves.sweep,
+            moves.curve, moves.feed, stop, moves.tolerance, moves.naive, tuple(self.events), zero, self.line_count,
+            self.axis_lines, self._notes(), beziers,
         )  # fmt: skip
 
     def _points(self, parts: list[MoveColumns]) -> FloatArray:
@@ -188,6 +201,30 @@ class ReadingState:
             points[rows, carried:] = self.first[carried:]  # these have not moved so far
             at = rows.stop
         return points
+
+    def _beside_tools(self, moves: MoveColumns, start: FloatArray) -> MoveColumns:
+        """The moves of the compensated tools; events come after those that belong to the move that they came after."""
+        columns = {item.name: getattr(moves, item.name) for item in fields(ProgrammedPath) if hasattr(moves, item.name)}
+        path = compensate(ProgrammedPath(**columns, source=self.source, start=start), self.tools)
+        keep = np.empty(path.row.size, dtype=np.uint8)
+        bent = ((path.kind == ARC) & (path.sweep != 0.0)) | (path.kind == SPLINE)
+        core.reader_merge_short_moves(
+            path.row.size,
+            path.end.shape[1],
+            np.ascontiguousarray(path.end),
+            bent,
+            ZERO_LENGTH_MM,
+            start[0].copy(),
+            keep,
+        )
+        kept = keep == 1
+        self.zero_lines.append(moves.line[path.row[~kept]])
+        row = path.row[kept]
+        last = np.append(np.searchsorted(row, np.arange(moves.line.size), side="right") - 1, -1)
+        self.events = [replace(event, after_move=int(last[event.after_move])) for event in self.events]
+        return replace(
+            moves.take(row), kind=path.kind[kept], end=path.end[kept], centre=path.centre[kept], sweep=path.sweep[kept]
+        )
 
     def _notes(self) -> tuple[str, ...]:
         """What was passed over, and what was taken for 0."""
@@ -208,7 +245,9 @@ class ReadingState:
 
 @dataclass(frozen=True, eq=False)
 class MoveColumns:
-    """The kept moves of a part; columns as in Program, ends in the axes carried, and whether G61 or G61.1 was active."""
+    """The kept moves of a part; columns as in Program, ends in the axes carried, whether G61 or G61.1 was active, and the
+    compensated tool.
+    """
 
     line: LineArray
     kind: NDArray[np.uint8]
@@ -221,16 +260,27 @@ class MoveColumns:
     exact: Mask
     tolerance: FloatArray
     naive: FloatArray
+    tool: LineArray
 
     @classmethod
     def none(cls) -> MoveColumns:
         """No moves."""
         byte, number, point = np.empty(0, dtype=np.uint8), np.empty(0), np.empty((0, 3))
         flag, index = np.empty(0, dtype=np.bool_), np.empty(0, dtype=np.int64)
-        return cls(index, byte, point, point, byte, number, index, number, flag, number, number)
+        return cls(index, byte, point, point, byte, number, index, number, flag, number, number, index)
+
+    @classmethod
+    def joined(cls, parts: Sequence[MoveColumns], end: FloatArray) -> MoveColumns:
+        """The moves of all parts, which end there in all axes."""
+        names = [item.name for item in fields(cls) if item.name != "end"]
+        return cls(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names}, end=end)
+
+    def take(self, rows: LineArray) -> MoveColumns:
+        """Some of the moves, or of one several."""
+        return MoveColumns(*(getattr(self, item.name)[rows] for item in fields(self)))
 
 
-def _carried(given: Mask, value: NDArray[np.generic], before: float) -> NDArray[np.generic]:
+def carry_forward(given: Mask, value: NDArray[np.generic], before: float) -> NDArray[np.generic]:
     """Carry values forward from where they are given; before the first, the value of the part before."""
     if not given.any():
         return np.full(given.size, before)
@@ -241,7 +291,7 @@ def _carried(given: Mask, value: NDArray[np.generic], before: float) -> NDArray[
 def carry_modal(blocks: Blocks, before: dict[int, int]) -> tuple[dict[int, int], dict[int, LineArray]]:
     """The word of each modal group that is active at every block, and after the last."""
     modal = {
-        group: np.asarray(_carried(blocks.g[group].given, blocks.g[group].value, code), dtype=np.int64)
+        group: np.asarray(carry_forward(blocks.g[group].given, blocks.g[group].value, code), dtype=np.int64)
         for group, code in before.items()
     }
     return {group: int(column[-1]) for group, column in modal.items()}, modal
@@ -252,26 +302,34 @@ def units(modal: dict[int, LineArray]) -> FloatArray:
     return np.where(modal[UNITS] == 200, INCH_MM, 1.0)
 
 
+def halve_diameters(blocks: Blocks, modal: dict[int, LineArray]) -> None:
+    """Make radii of the X words that are diameters, under G7."""
+    if (modal[DIAMETER] == 70).any():
+        x = blocks.letters["X"]
+        blocks.letters["X"] = replace(x, value=np.where(modal[DIAMETER] == 70, 0.5, 1.0) * x.value)
+
+
 def carry_feeds(
     blocks: Blocks, modal: dict[int, LineArray], unit: FloatArray, kind: LineArray, state: ReadingState
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Feed at every block in mm/s and in degrees/s (G94), and moves a second (G93; nan elsewhere)."""
-    faults, f, mode = blocks.faults, blocks.letters["F"], modal[FEED_MODE]
-    per_minute, cuts = mode == 940, kind >= LINE
-    given = f.given & per_minute
+    """Feed at every block in mm/s and in degrees/s (G94), or a turn (G95), and moves a second (G93; nan elsewhere)."""
+    faults, f, mode, motion = blocks.faults, blocks.letters["F"], modal[FEED_MODE], modal[MOTION]
+    by_spindle = (motion == THREAD) | (motion == TAP) | (motion == THREADING)
+    by_time, cuts = mode == 930, (kind >= LINE) & ~by_spindle
+    given = f.given & ~by_time
     changed = np.append(mode[0] != state.feed_mode, mode[1:] != mode[:-1])
-    last = np.where(given, f.value / 60.0, np.nan)
-    feed = np.asarray(_carried(given | changed, last * unit, state.feed))
-    angular = np.asarray(_carried(given | changed, last, state.angular_feed))
+    last = np.where(given, f.value / np.where(mode == 950, 1.0, 60.0), np.nan)
+    feed = np.asarray(carry_forward(given | changed, last * unit, state.feed))
+    angular = np.asarray(carry_forward(given | changed, last, state.angular_feed))
     state.feed, state.angular_feed, state.feed_mode = float(feed[-1]), float(angular[-1]), int(mode[-1])
     word = np.where(blocks.g[MOTION].given, blocks.g[MOTION].word, blocks.first)
     unnamed = cuts & ~blocks.g[MOTION].given
     word[unnamed] = blocks.first_of(f"{AXIS_LETTERS}IJKR", unnamed)
-    faults.add(word[cuts & per_minute & np.isnan(feed)], "no feed is given; F is missing")
-    faults.add(word[cuts & per_minute & (feed == 0.0)], "the feed is 0; F must be > 0")
-    faults.add(word[cuts & ~per_minute & ~f.given], "G93 needs an F in every block that cuts")
-    faults.add(f.at(cuts & ~per_minute & (f.value == 0.0)), "must be > 0")
-    return feed, angular, np.where(cuts & ~per_minute & f.given, f.value / 60.0, np.nan)
+    faults.add(word[cuts & ~by_time & np.isnan(feed)], "no feed is given; F is missing")
+    faults.add(word[cuts & ~by_time & (feed == 0.0)], "the feed is 0; F must be > 0")
+    faults.add(word[cuts & by_time & ~f.given], "G93 needs an F in every block that cuts")
+    faults.add(f.at(cuts & by_time & (f.value == 0.0)), "must be > 0")
+    return feed, angular, np.where(cuts & by_time & f.given, f.value / 60.0, np.nan)
 
 
 def carry_tolerances(blocks: Blocks, unit: FloatArray, state: ReadingState) -> tuple[FloatArray, FloatArray]:
@@ -281,7 +339,7 @@ def carry_tolerances(blocks: Blocks, unit: FloatArray, state: ReadingState) -> t
     given = np.where(
         blend, np.where(p.given & (p.value > 0.0), p.value * unit, np.nan), 0.0
     )  # P0 is none, as on LinuxCNC
-    tolerance = np.asarray(_carried(path.given, given, state.tolerance))
-    naive = np.asarray(_carried(path.given, np.where(blend & q.given, q.value * unit, np.nan), state.naive))
+    tolerance = np.asarray(carry_forward(path.given, given, state.tolerance))
+    naive = np.asarray(carry_forward(path.given, np.where(blend & q.given, q.value * unit, np.nan), state.naive))
     state.tolerance, state.naive = float(tolerance[-1]), float(naive[-1])
     return tolerance, naive

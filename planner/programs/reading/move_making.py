@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.compiled import core
 from planner.programs.reading.arcs import resolve_arcs
-from planner.programs.reading.language import CENTRES, MOTION, PATH_MODE, PLANE
+from planner.programs.reading.language import CENTRES, FEED_MODE, MOTION, PATH_MODE, PLANE, THREAD
 from planner.programs.reading.modal import MoveColumns
 from planner.programs.reading.positions import ProgramTrack
 from planner.programs.reading.program import ANGULAR, ARC, RAPID, SPLINE, ZERO_LENGTH_MM, arc_lengths, feed_lengths
+from planner.programs.reading.spindle import BlockSpindle, seconds_a_turn, x_along
 from planner.programs.reading.splines import SplinePieces, spline_moves
 from planner.programs.reading.words import LineArray
 from planner.types import FloatArray
@@ -23,13 +24,16 @@ _LONG_ARC_MM = 1e6  # a full turn of this length is likely a short move whose di
 
 @dataclass(frozen=True, eq=False)
 class BlockFeeds:
-    """At every block: feed in mm/s and degrees/s, moves a second under G93 or nan, and P and Q of G64, mm."""
+    """At every block: feed in mm and degrees, a second or under G95 a turn; moves a second under G93, or nan; P and Q of
+    G64, mm; and the spindle.
+    """
 
     feed: FloatArray
     angular: FloatArray
     rate: FloatArray
     tolerance: FloatArray
     naive: FloatArray
+    spindle: BlockSpindle
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,15 +51,16 @@ class MovesOfPart:
 def make_moves(track: ProgramTrack, feeds: BlockFeeds) -> MovesOfPart:
     """Make the moves; the lines of those too short to be one go to the state."""
     blocks, modal, state = track.blocks, track.modal, track.state
-    rows, kind, ends, of_nurbs = _programmed(track)
+    rows, kind, ends, of_nurbs, pitch = _programmed(track)
     before = state.position.copy()
     keep = np.empty(rows.size, dtype=np.uint8)
-    whole = (kind == ARC) | (kind == SPLINE)
-    core.reader_merge_short_moves(rows.size, ends.shape[1], ends, whole, ZERO_LENGTH_MM, state.position, keep)
+    # Beside a programmed path, and from there back to it, is far: those of no length are taken out after that.
+    always = (kind == ARC) | (kind == SPLINE) | bool(state.tools)
+    core.reader_merge_short_moves(rows.size, ends.shape[1], ends, always, ZERO_LENGTH_MM, state.position, keep)
     state.zero_lines.append(blocks.line[rows[keep == 0]])
     dwells = _dwells(track, rows, keep)
     kept = keep == 1
-    rows, kind, end, of_nurbs = rows[kept], kind[kept], ends[kept], of_nurbs[kept]
+    rows, kind, end, of_nurbs, pitch = rows[kept], kind[kept], ends[kept], of_nurbs[kept], pitch[kept]
     start = np.concatenate([before[None, : end.shape[1]], end])[:-1]
     splines = spline_moves(track, (rows, kind, start[:, :3], end[:, :3]), of_nurbs)
     normal = np.array([2, 1, 0], dtype=np.uint8)[modal[PLANE][rows] // 10 - 17]
@@ -72,12 +77,20 @@ def make_moves(track: ProgramTrack, feeds: BlockFeeds) -> MovesOfPart:
         arcs, along = np.append(arcs, on), np.append(along, curved)
     travel, group = feed_lengths(start, end, arcs, along)
     feed, rate = np.where(group == ANGULAR, feeds.angular[rows], feeds.feed[rows]), feeds.rate[rows]
-    slowest = _SLOWEST / 60.0 * np.where(group == ANGULAR, 1.0, track.unit[rows])
-    feed = np.where(kind == RAPID, np.inf, np.where(np.isnan(rate), feed, np.maximum(travel * rate, slowest)))
+    by_time = ~np.isnan(rate)
+    if by_time.any():
+        slowest = _SLOWEST / 60.0 * np.where(group == ANGULAR, 1.0, track.unit[rows])
+        feed = np.where(by_time, np.maximum(travel * rate, slowest), feed)
+    turned = np.flatnonzero(((modal[FEED_MODE][rows] == 950) | ~np.isnan(pitch)) & (kind != RAPID))
+    if turned.size:
+        x = x_along(start, end, arcs, (centre[arcs], normal[arcs], sweep[arcs]))[turned]
+        way = np.where(np.isnan(pitch), feed, pitch)[turned]
+        feed[turned] = way / _turn_times(track, feeds.spindle, rows[turned], x)
+    feed[kind == RAPID] = np.inf
     exact = modal[PATH_MODE][rows] != 640
     columns = MoveColumns(
         blocks.line[rows], kind.astype(np.uint8), end, centre, normal, sweep, np.full(rows.size, -1), feed, exact,
-        feeds.tolerance[rows], feeds.naive[rows],
+        feeds.tolerance[rows], feeds.naive[rows], track.tools_beside(rows),
     )  # fmt: skip
     if splines is not None:
         columns, rows = _in_pieces(columns, rows, splines, sum(map(len, state.beziers)))
@@ -96,30 +109,47 @@ def _in_pieces(
     count[of] = 0
     np.add.at(count, of, 1)
     move = np.repeat(np.arange(rows.size), count)
-    values = {item.name: getattr(columns, item.name)[move] for item in fields(MoveColumns)}
+    pieces = columns.take(move)
     on = np.flatnonzero(np.isin(move, of))
-    values["line"][on] = splines.line
-    values["curve"][on] = first + np.arange(on.size)
+    pieces.line[on] = splines.line
+    pieces.curve[on] = first + np.arange(on.size)
     inner = np.flatnonzero(of[1:] == of[:-1])  # where another piece of the same spline goes on
-    values["end"][on[inner], :3] = splines.beziers.start[inner + 1]
-    values["exact"][on[inner]] = False  # a block ends at its end
-    return MoveColumns(**values), rows[move]
+    pieces.end[on[inner], :3] = splines.beziers.start[inner + 1]
+    pieces.exact[on[inner]] = False  # a block ends at its end
+    return pieces, rows[move]
 
 
-def _programmed(track: ProgramTrack) -> tuple[LineArray, LineArray, FloatArray, LineArray]:
-    """Block, kind and end of every move, also of those in blocks that make several, and which of the NURBS it is, or -1."""
+def _turn_times(track: ProgramTrack, spindle: BlockSpindle, rows: LineArray, x: FloatArray) -> FloatArray:
+    """Seconds of a turn of the spindle in these moves; refuse it where there is no speed."""
+    blocks = track.blocks
+    place = np.where(blocks.g[MOTION].given, blocks.g[MOTION].word, blocks.first)[rows]
+    still = np.isnan(spindle.speed[rows]) | (spindle.speed[rows] == 0.0)
+    blocks.faults.add(place[still], "its feed is that of the spindle, which has no speed; S is missing")
+    out = np.ones(rows.size)
+    out[~still] = seconds_a_turn(spindle, rows[~still], (x - track.origins(rows)[:, :1])[~still])
+    blocks.faults.add(place[out == 0.0], "on the axis, at X0, the speed of G96 has no bound; write G96 with D")
+    return np.where(out > 0.0, out, 1.0)
+
+
+def _programmed(track: ProgramTrack) -> tuple[LineArray, LineArray, FloatArray, LineArray, FloatArray]:
+    """Block, kind and end of every move, also of those in blocks that make several; which of the NURBS it is, or -1, and
+    the pitch of threads, mm.
+    """
     rows = np.flatnonzero((track.kind >= RAPID) & (track.kind <= SPLINE))
     kind, ends, of_nurbs = track.kind[rows], track.points[1:][rows], np.full(rows.size, -1)
+    k = np.abs(track.blocks.letters["K"].value[rows]) * track.unit[rows]
+    pitch = np.where(track.modal[MOTION][rows] == THREAD, k, np.nan)
     side, nurbs = track.side, track.nurbs
     if not side and not nurbs:
-        return rows, kind, ends, of_nurbs
+        return rows, kind, ends, of_nurbs, pitch
     rows = np.append(rows, [*(move.row for move in side), *(move.row for move in nurbs)])
     order = np.argsort(rows, kind="stable")
     kind = np.append(kind, [*(move.kind for move in side), *(SPLINE for _ in nurbs)])
     others = [*(move.end for move in side), *(move.end for move in nurbs)]
     ends = np.concatenate([ends, np.array(others)[:, : ends.shape[1]]])
     of_nurbs = np.append(of_nurbs, [*(-1 for _ in side), *range(len(nurbs))])
-    return rows[order], kind[order], np.ascontiguousarray(ends[order]), of_nurbs[order]
+    pitch = np.append(pitch, [*(move.pitch for move in side), *(np.nan for _ in nurbs)])
+    return rows[order], kind[order], np.ascontiguousarray(ends[order]), of_nurbs[order], pitch[order]
 
 
 def _dwells(track: ProgramTrack, rows: LineArray, keep: NDArray[np.uint8]) -> list[tuple[int, float, int]]:

@@ -33,6 +33,7 @@ class Offsets:
 
     given: Mapping[int, Tool] | None = None
     written: dict[int, FloatArray] = field(default_factory=dict)  # by G10 L1
+    radii: dict[int, float] = field(default_factory=dict)  # by G10 L1
     systems: FloatArray = field(default_factory=lambda: np.zeros((len(SYSTEM_CODES), len(AXES))))
     active: int = 0
     shift: FloatArray = field(default_factory=origin)  # of G92
@@ -87,6 +88,14 @@ class Offsets:
             found = self.of_tool(number)
             self.written[number] = origin() if found is None else found.copy()
         return self.written[number]
+
+    def radius_and_orientation(self, number: int) -> tuple[float, int] | None:
+        """Radius of a tool, mm, and its orientation; None where neither a table nor the program says them."""
+        tool = (self.given or {}).get(number)
+        orientation = 0 if tool is None else tool.orientation
+        if number in self.radii:
+            return self.radii[number], orientation
+        return None if tool is None else (0.5 * tool.diameter, orientation)
 
     def assume(self, what: str, line: int) -> None:
         """Note that something the program does not say was taken for 0."""

@@ -12,7 +12,16 @@ import numpy as np
 
 from planner.geometry.curve import AXES, MAX_COORDINATE, ROTARY_AXES
 from planner.programs.reading.blocks import Blocks
-from planner.programs.reading.language import AXIS_LETTERS, CHANGE, DISTANCE, MOTION, ONCE, SYSTEM, TOOL_LENGTH
+from planner.programs.reading.language import (
+    AXIS_LETTERS,
+    CHANGE,
+    COMPENSATION,
+    DISTANCE,
+    MOTION,
+    ONCE,
+    SYSTEM,
+    TOOL_LENGTH,
+)  # fmt: skip
 from planner.programs.reading.modal import INCH_MM, ReadingState
 from planner.programs.reading.offsets import origin
 from planner.programs.reading.program import RAPID, SPLINE
@@ -25,12 +34,16 @@ CYCLE, NURBS = SPLINE + 1, SPLINE + 2  # kinds of blocks, beside those of moves:
 
 @dataclass
 class SideMove:
-    """A move of a block that makes several, or that is not where its words say: its end, (9,), and a dwell after it, s."""
+    """A move of a block that makes several, or that is not where its words say: its end, (9,), and a dwell after it, s.
+
+    ``pitch`` is the way of a turn of the spindle, mm, where that is its feed.
+    """
 
     row: int
     kind: int
     end: FloatArray
     dwell: float = 0.0
+    pitch: float = np.nan
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +77,7 @@ class ProgramTrack:
     side: list[SideMove] = field(default_factory=list)
     nurbs: list[NurbsMove] = field(default_factory=list)
     totals: list[tuple[int, FloatArray]] = field(default_factory=list)  # the offsets from a block on
+    tools: list[tuple[int, int]] = field(default_factory=list)  # from a block on: which tool is compensated, 0 for none
 
     def __post_init__(self) -> None:
         state = self.state
@@ -73,13 +87,15 @@ class ProgramTrack:
             state.carried = len(AXES)
         self.points = np.empty((self.kind.size + 1, state.carried))
         self.points[0] = state.programmed[: state.carried]
+        self.tools.append((0, self.state.tool_beside))
 
     def special_rows(self) -> LineArray:
         """Blocks at which something is done that is no plain move."""
         once = self.blocks.g[ONCE]
         special = once.given & (once.value != _DWELL)
-        for column in (self.blocks.g[TOOL_LENGTH], self.blocks.g[SYSTEM], self.blocks.m[CHANGE]):
-            special |= column.given
+        for group in (COMPENSATION, TOOL_LENGTH, SYSTEM):
+            special |= self.blocks.g[group].given
+        special |= self.blocks.m[CHANGE].given
         special |= self.kind >= CYCLE
         return np.flatnonzero(special)
 
@@ -106,6 +122,13 @@ class ProgramTrack:
         """What absolute centres of arcs at these blocks count from, (m, 3), mm."""
         at = np.searchsorted([row for row, _ in self.totals], rows, side="right") - 1
         return np.array([total[:3] for _, total in self.totals])[at]
+
+    def tools_beside(self, rows: LineArray) -> LineArray:
+        """The number of the tool that is compensated at these blocks, 0 for none."""
+        if len(self.tools) == 1:
+            return np.full(rows.size, self.tools[0][1])
+        first, number = np.array(self.tools).T
+        return np.asarray(number[np.searchsorted(first, rows, side="right") - 1])
 
     def run(self, first: int, last: int) -> None:
         """Carry the position through the blocks from the first to before the last."""

@@ -36,9 +36,17 @@ from planner.inputs import require_path
 from planner.machine.program_setup import ProgramSetup
 from planner.programs.reading.acts import carry_positions
 from planner.programs.reading.blocks import Blocks, sort_words
+from planner.programs.reading.compensation_words import check_beside
 from planner.programs.reading.flow import FLOW_CODES, Flow
 from planner.programs.reading.language import MOTION, PROBES
-from planner.programs.reading.modal import ReadingState, carry_feeds, carry_modal, carry_tolerances, units
+from planner.programs.reading.modal import (
+    ReadingState,
+    carry_feeds,
+    carry_modal,
+    carry_tolerances,
+    halve_diameters,
+    units,
+)
 from planner.programs.reading.move_making import BlockFeeds, make_moves
 from planner.programs.reading.offsets import Offsets
 from planner.programs.reading.positions import ProgramTrack
@@ -46,6 +54,7 @@ from planner.programs.reading.program import LINE, Program
 from planner.programs.reading.program_events import add_events
 from planner.programs.reading.rules import check_motion, check_words
 from planner.programs.reading.setup import Tool, read_tool_table
+from planner.programs.reading.spindle import carry_spindle
 from planner.programs.reading.splines import check_splines
 from planner.programs.reading.unread import UnreadWords, ignored_words
 from planner.programs.reading.words import Faults, Words, keep_words, read_words
@@ -157,12 +166,18 @@ def _read_part(words: Words, state: ReadingState) -> None:
     if words.line.size:
         blocks = sort_words(words, faults, state.unread)
         _check_marks(blocks, state)
-        state.modal, modal = carry_modal(blocks, state.modal)
+        before = state.modal
+        state.modal, modal = carry_modal(blocks, before)
         unit = units(modal)
+        halve_diameters(blocks, modal)
         kind = check_motion(blocks, modal)
         check_words(blocks, modal[MOTION], kind)
         check_splines(blocks, modal, kind)
-        feeds = BlockFeeds(*carry_feeds(blocks, modal, unit, kind, state), *carry_tolerances(blocks, unit, state))
+        check_beside(blocks, modal, before, kind)
+        feeds = BlockFeeds(
+            *carry_feeds(blocks, modal, unit, kind, state), *carry_tolerances(blocks, unit, state),
+            carry_spindle(blocks, modal, unit, kind, state),
+        )  # fmt: skip
         track = ProgramTrack(blocks, modal, unit, kind, state)
         carry_positions(track)
         _note_probes(track)

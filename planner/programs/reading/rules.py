@@ -8,6 +8,7 @@ from planner.programs.reading.blocks import Blocks, WordColumn
 from planner.programs.reading.language import (
     AXIS_LETTERS,
     CENTRES,
+    COMPENSATION,
     CUBIC,
     CYCLES,
     G_WORDS,
@@ -15,13 +16,13 @@ from planner.programs.reading.language import (
     MOTION,
     NURBS_BEGIN,
     NURBS_END,
-    NURBS_KNOTS,
     ONCE,
     OWNED_LETTERS,
     PLANE,
     PROBES,
     SIGNAL,
     SPINDLE,
+    THREAD,
     TOOL_LENGTH,
     LanguageWord,
     word_name,
@@ -73,20 +74,24 @@ def check_words(blocks: Blocks, motion: LineArray, kind: LineArray) -> None:
     number = letters["N"]
     faults.add(number.word[number.given & (number.word != blocks.first)], "a line number must come first in its block")
     free = np.isin(motion, (CUBIC, NURBS_BEGIN))  # P is a handle, or has a rule of its own
-    for name in "NFSTPDHL":
+    for name in "NFSTPHL":
         column = letters[name]
         if column.given.any():
             faults.add(column.at((column.value < 0.0) & ~(free & (name == "P"))), "must not be negative")
     q = letters["Q"]
     faults.add(q.at((q.value < 0.0) & ~blocks.m[SIGNAL].given & (motion != CUBIC)), "must not be negative")
-    for name in "TDHL":
+    by_diameter = blocks.g[COMPENSATION].has(411, 421)
+    d = letters["D"]
+    faults.add(d.at((d.value < 0.0) & ~by_diameter), "must not be negative")
+    faults.add(d.at((d.value != np.rint(d.value)) & ~by_diameter), "must be a whole number")
+    for name in "THL":
         column = letters[name]
         if column.given.any():
             faults.add(column.at(column.value != np.rint(column.value)), "must be a whole number")
     r, p = letters["R"], letters["P"]
     faults.add(r.at((r.value == 0.0) & np.isin(motion, (20, 30))), "the radius must not be 0")
     faults.add(
-        r.at(blocks.any_of("IJK") & (motion != NURBS_KNOTS)), "an arc has a radius R or a centre I, J, K, not both"
+        r.at(blocks.any_of("IJK") & np.isin(motion, (20, 30))), "an arc has a radius R or a centre I, J, K, not both"
     )
     inputs = blocks.m[SIGNAL].has(_INPUT)
     faults.add(blocks.m[SIGNAL].at(inputs & ~p.given & ~letters["E"].given), "needs the number of an input, P or E")
@@ -154,6 +159,8 @@ def check_motion(blocks: Blocks, modal: dict[int, LineArray]) -> LineArray:
     faults.add(word.at(arc & ~ends & ~centres & ~other), "an arc needs an end point or a centre")
     faults.add(blocks.first_of(AXIS_LETTERS, arc & ends & ~centres), "an arc needs a centre I, J, K or a radius R")
     plane = modal[PLANE]
+    beside = plane % 10 != 0  # of U, V and W
+    faults.add(word.at(arc & beside & (ends | centres)), "an arc needs the plane G17, G18 or G19")
     for name, code in (("I", 190), ("J", 180), ("K", 170)):
         column = blocks.letters[name]
         faults.add(column.at(arc & (plane == code)), f"is along the normal of the plane, G{code // 10}")
@@ -169,11 +176,16 @@ def check_motion(blocks: Blocks, modal: dict[int, LineArray]) -> LineArray:
     kind[ends & (active == 10)] = LINE
     kind[arc & (ends | centres)] = ARC
     if ((active > 30) & (active != 800)).any():
-        kind[np.isin(active, PROBES) & ends] = LINE
+        kind[(np.isin(active, PROBES) | (active == THREAD)) & ends] = LINE
+        thread = (active == THREAD) & ~ends & ~other
+        faults.add(word.at(thread), "a thread needs an end point")
         spline_kinds(blocks, active, kind, ends)
         over = ends & (active == NURBS_END) & ~word.given
         faults.add(blocks.first_of(AXIS_LETTERS, over), "no G0, G1, G2, G3 or cycle is active")
         cycle = np.isin(active, CYCLES)
+        faults.add(
+            blocks.first_of("XYZ", cycle & blocks.any_of("XYZ") & beside), "a cycle needs the plane G17, G18 or G19"
+        )
         kind[cycle & blocks.any_of("XYZ")] = CYCLE
         other_axes = AXIS_LETTERS[3:]
         faults.add(

@@ -16,10 +16,15 @@ _ENTRY = re.compile(r"([A-Z])([-+]?\d*\.?\d+(?:E[-+]?\d+)?|[-+]?\d+\.)", re.IGNO
 
 @dataclass(frozen=True)
 class Tool:
-    """A tool: its offsets along X Y Z A B C U V W, mm and degrees, or those of the first of them; and its diameter, mm."""
+    """A tool: its offsets along X Y Z A B C U V W, mm and degrees, or those of the first of them; its diameter, mm; and of a
+    lathe tool the orientation.
+
+    An orientation is LinuxCNC's: 1 to 8 are the sides on which the tool is, 0 and 9 its middle.
+    """
 
     offset: tuple[float, ...] = (0.0, 0.0, 0.0)
     diameter: float = 0.0
+    orientation: int = 0
 
 
 def read_tool_table(path: str | Path) -> Mapping[int, Tool]:
@@ -51,7 +56,14 @@ def read_tool_table(path: str | Path) -> Mapping[int, Tool]:
         if int(tool) in tools:
             raise InputError(f"{file.name}:{number}: T{tool:g}: the tool is in the table already")
         offset = [entries.get(axis, 0.0) for axis in AXES]
-        tools[int(tool)] = Tool(tuple(offset if any(offset[3:]) else offset[:3]), entries.get("D", 0.0))
+        orientation = entries.get("Q", 0.0)
+        if orientation not in range(10):
+            raise InputError(
+                f"{file.name}:{number}: Q{orientation:g}: the orientation of a tool is a whole number from 0 to 9"
+            )
+        tools[int(tool)] = Tool(
+            tuple(offset if any(offset[3:]) else offset[:3]), entries.get("D", 0.0), int(orientation)
+        )
     if not tools:
         raise InputError(f"{file.name}:1: end of file: there is no tool in the table; give a line T1 P1 Z40 for each")
     return tools

@@ -10,9 +10,10 @@ import numpy as np
 
 from planner.errors import InputError
 from planner.programs.reading.language import G_WORDS, M_WORDS, NUMBER_LETTERS, UNREAD, word_name
-from planner.programs.reading.words import LineArray, Words, keep_words
+from planner.programs.reading.words import LineArray, Mask, Words, keep_words
 
 _SHOWN = 20
+_FIRST_USER_CODE = 100
 _WORD = re.compile(r"([A-Z])(\d*\.?\d*)")
 
 
@@ -44,7 +45,7 @@ class UnreadWords:
         if not out.any():
             return words
         _count(words, np.flatnonzero(out), self.passed)
-        return keep_words(words, ~out)
+        return keep_words(words, ~out & ~_of_user_codes(words, out))
 
     def require_none(self) -> None:
         """Raise InputError with every word that is not read."""
@@ -70,6 +71,16 @@ class UnreadWords:
             f"{name} is passed over as asked, {count} time{'s' if count > 1 else ''}, the first in line {first}"
             for name, (first, count) in sorted(self.passed.items(), key=lambda item: item[1])
         ]
+
+
+def _of_user_codes(words: Words, out: Mask) -> Mask:
+    """The P and Q beside codes of the user that are taken out, where no G word has use for them."""
+    user = out & (words.letter == ord("M")) & (words.value >= _FIRST_USER_CODE)
+    if not user.any():
+        return user
+    block = words.block_number
+    own = np.setdiff1d(block[user], block[words.letter == ord("G")])
+    return np.isin(words.letter, (ord("P"), ord("Q"))) & np.isin(block, own)
 
 
 def _count(words: Words, indices: LineArray, table: dict[str, tuple[int, int]]) -> None:

@@ -17,6 +17,7 @@ typedef struct {
 } Number;
 
 static inline int is_digit(uint8_t c) { return '0' <= c && c <= '9'; }
+static inline int is_blank(uint8_t c) { return c == ' ' || c == '\t'; }
 static inline int is_space(uint8_t c) { return c == ' ' || c == '\t' || c == '\r' || c == '\n'; }
 
 /* 10^n by squaring. */
@@ -45,13 +46,14 @@ static int64_t comment_end(int64_t size, const uint8_t *text, int64_t i, uint8_t
     return close == '\n' ? size : -1 - size;
 }
 
-/* The decimal number at an offset: its value, where it ends, and how many digits it has. */
+/* The decimal number at an offset, with any number of signs: its value, where it ends, and how many digits it has. */
 static Number number_at(int64_t size, const uint8_t *text, int64_t j)
 {
-    const double sign = j < size && text[j] == '-' ? -1.0 : 1.0;
+    double sign = 1.0;
     int64_t mantissa = 0, decimals = 0, dropped = 0, digits = 0, dot = 0;
-    if (j < size && (text[j] == '-' || text[j] == '+'))
-        j++;
+    for (; j < size && (text[j] == '-' || text[j] == '+' || is_blank(text[j])); j++)
+        if (text[j] == '-')
+            sign = -sign;
     for (; j < size && (is_digit(text[j]) || (text[j] == '.' && !dot)); j++) {
         if (text[j] == '.') {
             dot = 1;
@@ -115,10 +117,7 @@ int64_t words_scan(int64_t size, const uint8_t *text, uint8_t *letter, double *v
         Number number = {0.0, i + 1, 0};
         int64_t what = NOTHING;
         if ('A' <= c && c <= 'Z') {
-            int64_t j = i + 1;
-            while (j < size && (text[j] == ' ' || text[j] == '\t'))
-                j++;
-            number = number_at(size, text, j);
+            number = number_at(size, text, i + 1);
             what = number.digits > 0 ? NOTHING : NO_NUMBER;
         } else if (c != '%') {
             what = stray(c);

@@ -557,12 +557,12 @@ class TestReadByLinuxCNC:
 class TestWhatAProgramCountsOn:
     def test_a_tool_table_and_words_passed_over(self, run, tmp_path):
         file, table = tmp_path / "part.ngc", tmp_path / "tool.tbl"
-        file.write_text("G21 G90\nG43 H1\nG1 X5 Z1 F600\nM123\nA5\nX10\nM2\n")
+        file.write_text("G21 G90\nG43 H1\nG1 X5 Z1 F600\nM123\nM124\nX10\nM2\n")
         table.write_text("T1 P1 Z30 ;drill\n")
         code, _, err = run("time", file)
         assert code == 2
-        assert "M123 (line 4, 1 time); A (line 5, 1 time, rotary axes)" in err
-        options = ("--tools", table, "--ignore", "A", "--ignore", "M123", "--json")
+        assert "M123 (line 4, 1 time, a code of the user); M124 (line 5, 1 time, a code of the user)" in err
+        options = ("--tools", table, "--ignore", "M124", "--ignore", "M123", "--json")
         code, out, _ = run("time", file, *options)
         facts = strict_json(out)
         assert code == 0
@@ -571,6 +571,12 @@ class TestWhatAProgramCountsOn:
         out_file = tmp_path / "plan.csv"
         assert run("plan", file, *options[:-1], "-o", out_file)[0] == 0
         assert run("check", out_file, file, *options[:-1])[0] == 0
+        code, out, _ = run("compare", file, "--methods", "toppra", *options)
+        assert code in (0, 1)
+        assert strict_json(out)["curve"]["length_mm"] == pytest.approx(math.hypot(5, 31) + 5, abs=0.05)
+        code, _, err = run("compare", "teardrop", "--tools", table)
+        assert code == 2
+        assert "is for part programs" in err
 
     def test_a_machine_file_with_homes_and_offsets(self, run, tmp_path):
         file, shop, table = tmp_path / "part.ngc", tmp_path / "shop.toml", tmp_path / "plan.csv"

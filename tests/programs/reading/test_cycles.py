@@ -141,7 +141,7 @@ class TestWhatIsRefused:
             ),
             ("G81 X1 Z-1 R1 L0", "4: X1: a cycle is repeated at least once; L must be > 0"),
             ("G81 X1 Z-1 R-2", "4: X1: the plane R lies 1 mm below the bottom of the hole"),
-            ("G93 G81 X1 Z-1 R1 F2", "4: X1: a cycle needs a feed in units a minute, G94"),
+            ("G93 G81 X1 Z-1 R1 F2", "4: X1: a cycle needs a feed in units a minute or a turn, G94 or G95"),
             ("G81 Z-1 R1 Q5", "4: Q5: belongs to a word that is not in the block"),
             ("G81", "4: G81: a cycle needs X, Y or Z"),
             ("G53 G81 X1 Z-1 R1", "4: G53: machine coordinates need G0 or G1"),

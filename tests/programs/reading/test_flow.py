@@ -177,6 +177,12 @@ class TestBadPrograms:
         with pytest.raises(InputError, match=r"^ring\.ngc:2: O<RING>CALL: more than 10 calls within each other"):
             read("o<ring> call\nM2")
 
+    def test_files_that_call_each_other(self, read, tmp_path):
+        for name, other in (("egg", "hen"), ("hen", "egg")):
+            (tmp_path / f"{name}.ngc").write_text(f"o<{name}> sub\no<{other}> call\no<{name}> endsub\n")
+        with pytest.raises(InputError, match=r"^hen\.ngc:2: O<EGG>CALL: more than 10 calls within each other"):
+            read("o<egg> call\nM2")
+
     def test_a_file_that_is_not_what_is_called(self, refusal, tmp_path):
         (tmp_path / "other.ngc").write_text("G1 X1\nM2\n")
         assert refusal("o<other> call\nM2") == "1: O<OTHER>CALL: the file other.ngc has no subroutine other"

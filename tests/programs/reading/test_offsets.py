@@ -157,8 +157,8 @@ class TestWhatIsRefused:
             ("G0 G92 X1", "1: X1: belongs to the other word of the block; write the motion in a block of its own"),
             ("G54 G55", "1: G55: G54 of the same modal group is in the block already"),
             ("G43 H1.5", "1: H1.5: must be a whole number"),
-            ("H1", "1: H1: belongs to a word that is not in the block; it is read beside G43, G43.2"),
-            ("D1", "1: D1: belongs to a word that is not in the block; it is read beside G96"),
+            ("H1", "1: H1: belongs to a word that is not in the block; it is read beside G43, G43.2, G76"),
+            ("D1", "1: D1: belongs to a word that is not in the block; it is read beside G41, G42, G41.1, G42.1, G96"),
         ],
     )
     def test_with_the_word_and_the_reason(self, refusal, text, message):
@@ -221,24 +221,37 @@ class TestProbing:
         )
 
 
+class TestTools:
+    def test_a_tool_that_the_table_lacks(self, read):
+        """Where there is a table; LinuxCNC refuses the T word too."""
+        table = {1: Tool((0.0, 0.0, 40.0))}
+        with pytest.raises(
+            InputError, match=r"part\.ngc:2: T9: the tool table has no such tool; add a line for it, as T1"
+        ):
+            read("T1 M6\nT9 M6" + END, tools=table)
+        assert read("T1 M6\nT0\nG10 L1 P9 Z3\nT9" + END, tools=table).notes == ()
+        assert read("T9 M6" + END).events[0].text == "M6 T9"
+
+
 class TestUnread:
-    TEXT = "G1 X1 F60\nM123\nG95 X2\nM123 P1\nG95\nG12.1\n"
+    TEXT = "G1 X1 F60\nM123\nG88 X2\nM123 P1\nG88\nG12.1\n"
 
     def test_all_of_them_in_one_message(self, refusal):
         assert refusal(self.TEXT + END) == (
-            "2: M123: not read in this program: M123 (line 2, 2 times); G95 (line 3, 2 times, feed per revolution); "
+            "2: M123: not read in this program: M123 (line 2, 2 times, a code of the user); G88 (line 3, 2 times, "
+            "cycles that wait for a hand); "
             "G12.1 (line 6, 1 time); post it without them, or pass over those that move nothing: --ignore WORD for each, or "
             "let an installed LinuxCNC read it: --reader rs274"
         )
 
     def test_over_the_parts_of_a_file(self, refusal, monkeypatch):
         monkeypatch.setattr("planner.programs.reading.words._CHUNK_BYTES", 8)
-        assert "M123 (line 2, 2 times); G95 (line 3, 2 times, feed per revolution); G12.1 (line 6" in refusal(
-            self.TEXT + END
-        )
+        said = refusal(self.TEXT + END)
+        assert "M123 (line 2, 2 times, a code of the user); G88 (line 3, 2 times, cycles that" in said
+        assert "G12.1 (line 6" in said
 
     def test_passed_over_as_asked(self, read):
-        p = read("G1 X1 F60\nM123\nM124 X2\nM123\nM124\n" + END, ignore=("m124", "M123"))
+        p = read("G1 X1 F60\nM123 P1 Q-2.5\nM124 X2\nM123\nM124 P3\n" + END, ignore=("m124", "M123"))
         assert p.end[:, 0].tolist() == [1, 2]
         assert p.notes == (
             "M123 is passed over as asked, 2 times, the first in line 2",

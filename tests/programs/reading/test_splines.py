@@ -208,7 +208,9 @@ REFUSED = {
     "G5 X1 Y1 Z1 I0 J3 P0 Q-3 F60": "1: Z1: a spline moves X and Y; move Z in a block of its own",
     "G18 G5 X1 Y1 I0 J3 P0 Q-3 F60": "1: G5: a spline lies in the plane XY, G17",
     "G19 F60\nG5.2 X1 Y1 P1\nX2 Y2 P1\nG5.3": "2: G5.2: a spline lies in the plane XY, G17",
-    "G5 X9 Y1 I1 J1 R5 P-1 Q1 F60": "1: R5: an arc has a radius R or a centre I, J, K, not both",
+    "G5 X9 Y1 I1 J1 R5 P-1 Q1 F60": (
+        "1: R5: belongs to a word that is not in the block; it is read beside G10, M19, G2, G3, G76, G6.2, G81, G85 ..."
+    ),
     "G5 X0 Y0 I0 J0 P0 Q0 F60": "1: G5: the spline has no length: its control points are one point",
     "G5 X10 Y0 I0 J0 P0 Q5 F60": (
         "1: G5: has a cusp near X0 Y0 (mm): its curvature is infinite and no feed passes it; give every handle a length, "
