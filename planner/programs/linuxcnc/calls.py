@@ -22,9 +22,8 @@ _THREADS = (330, 331, 760)
 _LOST = {
     canon.LOST_UNITS: "the tool length was taken in other units, which LinuxCNC's interpreter mixes up where no machine is "
     "there; write G49 before G20 or G21",
-    canon.LOST_PLACE: "the last tool change comes after an arc, or after a change of offsets, and where no machine is there "
-    "LinuxCNC's interpreter does not know what an axis is at that has had no word since; write a straight move before the "
-    "tool change, or every axis after it",
+    canon.LOST_PLACE: "the tool change before comes after an arc, or after a change of offsets, and LinuxCNC's interpreter "
+    "does not know where a move to a home begins where no machine is there; write a straight move before the tool change",
 }
 _TOOL_WRITTEN = re.compile(r"L1(?![\d.])")
 _PITCH = re.compile(r"[KP]([-+]?\d*\.?\d+|\d+\.)")

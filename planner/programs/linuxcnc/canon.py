@@ -57,7 +57,8 @@ class Canon:
         self.told: tuple[float, ...] = (
             0.0,
         ) * 9  # numbers of the last straight move, which the interpreter asks for at a tool change
-        self.doubtful: list[int] = []  # axes in which the machine is not there
+        self.off = [0.0] * 9  # how far from there the machine is, mm and degrees
+        self.named = ""
 
     def __getattr__(self, name: str) -> Any:
         """Answer every call that moves nothing."""
@@ -78,18 +79,21 @@ class Canon:
         return [p + o + t for p, o, t in zip(point, self.origin, self.tool, strict=True)]
 
     def _go(self, kind: int, numbers: tuple[float, ...]) -> None:
-        self._require_told(numbers)
+        self._find_off()
         self.told = numbers
-        self.at = self._on_machine(numbers)
+        self.at = [p + d for p, d in zip(self._on_machine(numbers), self.off, strict=True)]
         self._row(kind, self.at)
 
-    def _require_told(self, numbers: tuple[float, ...]) -> None:
+    def _find_off(self) -> None:
         """After a tool change the interpreter takes the machine to be where the last straight move ended, in the offsets of
-        now: an axis in which it is not may not be left where it is.
+        now, and counts from there: an axis in which it is not is off, until a word says where it goes.
         """
-        if any(self.distances != _ABSOLUTE or numbers[axis] == self.told[axis] for axis in self.doubtful):
+        if not any(self.off):
+            return
+        if "~" in self.named:
             self._row(LOST, [float(LOST_PLACE), *[0.0] * 8])
-        self.doubtful = []
+        relative = "-" in self.named or ("+" not in self.named and self.distances != _ABSOLUTE)
+        self.off = [0.0 if not relative and a in self.named else d for a, d in zip("XYZABCUVW", self.off, strict=True)]
 
     def next_line(self, state: Any) -> None:
         """Note the line that is run, and what was in force after the one before."""
@@ -102,7 +106,8 @@ class Canon:
     def comment(self, text: str) -> None:
         """A mark: the file and the line that are run next."""
         words = text.split()
-        if len(words) == 3 and words[0] == MARKED:
+        if len(words) == 4 and words[0] == MARKED:
+            self.named = words[3]
             self._row(MARK, [float(words[1]), float(words[2]), *[0.0] * 7])
 
     def straight_traverse(self, *numbers: float) -> None:
@@ -133,9 +138,9 @@ class Canon:
         end, centre = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
         end[x], end[y], end[3 - x - y] = first, second, along
         centre[x], centre[y] = centre1, centre2
-        self._require_told((*end, *rest))
-        middle = self._on_machine((*centre, *rest))
-        self.at = self._on_machine((*end, *rest))
+        middle = [p + d for p, d in zip(self._on_machine((*centre, *rest)), self.off, strict=True)]
+        self._find_off()
+        self.at = [p + d for p, d in zip(self._on_machine((*end, *rest)), self.off, strict=True)]
         self._row(ARC, self.at, (middle[x], middle[y], float(turns)))
 
     def dwell(self, seconds: float) -> None:
@@ -177,8 +182,8 @@ class Canon:
     def get_tool(self, index: int) -> tuple[float, ...]:
         """The tool at a place of the table; at the place 0 the one in the spindle."""
         if index == 0:  # asked at every tool change
-            there = self._on_machine(self.told)
-            self.doubtful = [axis for axis in range(9) if abs(there[axis] - self.at[axis]) > _APART]
+            self.off = [at - there for at, there in zip(self.at, self._on_machine(self.told), strict=True)]
+            self.off = [d if abs(d) > _APART else 0.0 for d in self.off]
         place = self.loaded if index == 0 else index
         if 0 <= place < len(self.tools):
             return (int(self.tools[place][0]), *self.tools[place][1:13], int(self.tools[place][13]))

@@ -1,7 +1,8 @@
 """A copy of a program with a mark before every line, so that LinuxCNC tells which line it runs.
 
 The interpreter numbers the lines of the file that it is in, and says neither which file that is, nor which line failed.
-A mark is a comment ``(feedplan-mark 0 17)``: the file, 0 for the program itself, and the line; it moves nothing.
+A mark is a comment ``(feedplan-mark 0 17 XZ)``: the file, 0 for the program itself, the line, and what it names; it moves
+nothing.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ _CALL = re.compile(r"^(?:N[\d.]+)?O(\d+|<[^<>]*>)CALL")
 _BEGIN = re.compile(r"^(?:N[\d.]+)?O(\d+|<[^<>]*>)(?:SUB|$)")
 _PROGRAM = re.compile(r"M98P(\d+)|P(\d+)M98")
 _TOOL = re.compile(r"[TH](\d+)|M61Q(\d+)")
+_NO_WORD = re.compile(r"#<[^<>]*>|[A-Z]{2,}")
+_AXIS = re.compile(r"[XYZABCUVW@^]")
 _CHANGE = re.compile(r"M\s*0*6(?![\d.])", re.IGNORECASE)
 _SELECTED = re.compile(r"T\d+")
 PART = "feedplan_part.ngc"
@@ -90,10 +93,18 @@ def _marked(lines: list[str], index: int) -> tuple[list[str], tuple[int, ...]]:
         begun |= bool(line.strip())
         said = [line]
         if begun and not opens and line.strip():
-            said = [f"({MARKED} {index} {number})", *_apart(line)]
+            said = [f"({MARKED} {index} {number} {_signs(bare(line))})", *_apart(line)]
         out += said
         places += [number] * len(said)
     return out, tuple(places)
+
+
+def _signs(line: str) -> str:
+    """What the line names: axes, + and - for G90 and G91, and ~ for a move to a home."""
+    words = _NO_WORD.sub("", line)
+    axes = "".join(sorted({"@": "XY", "^": "Y"}.get(letter, letter) for letter in set(_AXIS.findall(words))))
+    modes = "+" * bool(re.search(r"G90(?![\d.])", words)) + "-" * bool(re.search(r"G91(?![\d.])", words))
+    return (axes + modes + "~" * bool(re.search(r"G(?:28|30)(?![\d.])", words))) or "."
 
 
 def _apart(line: str) -> list[str]:

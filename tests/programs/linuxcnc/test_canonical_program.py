@@ -34,7 +34,7 @@ class TestMarks:
         path = written(tmp_path, "\n%\nG21 (mm)\n\nG1 X1 F100 ; there\nM2\n%\n")
         marked = write_marked(path, tmp_path / "copy")
         lines = (tmp_path / "copy" / "feedplan_part.ngc").read_text().split("\n")
-        said = [f"(feedplan-mark 0 {k})" for k in (3, 5, 6, 7)]
+        said = [f"(feedplan-mark 0 {k} {named})" for k, named in ((3, "."), (5, "X"), (6, "."), (7, "."))]
         assert lines == [
             "",
             "%",
@@ -64,7 +64,7 @@ class TestMarks:
         marked = write_marked(path, tmp_path / "copy")
         assert marked.names == ("part.ngc", "7.ngc", "outer.ngc", "third.ngc")
         assert marked.tools == (5, 12)
-        assert "(feedplan-mark 3 2)\nT12 M6" in (tmp_path / "copy" / "third.ngc").read_text()
+        assert "(feedplan-mark 3 2 .)\nT12 M6" in (tmp_path / "copy" / "third.ngc").read_text()
 
     def test_a_bare_line(self):
         assert bare("n10 g1 (to X5) x 1.5 ; y2") == "N10G1X1.5"
@@ -246,9 +246,23 @@ class TestRefusals:
             read_with_linuxcnc(written(tmp_path, text))
         assert str(problem.value).startswith(message)
 
-    def test_a_tool_change_after_an_arc_that_it_need_not_ask_about(self, tmp_path):
-        program = read_with_linuxcnc(written(tmp_path, "F60\nG2 X2 I1\nG92 Z5\nT1 M6\nG1 X3 Y3 Z4\nM2\n"))
-        assert program.end[-1, :3].tolist() == pytest.approx([3.0, 3.0, -1.0])
+    @pytest.mark.parametrize(
+        ("text", "end"),
+        [
+            ("G2 X2 I1\nT1 M6\nG1 Z1\n", (2.0, 0.0, 1.0)),
+            ("G2 X2 I1\nT1 M6\nG1 X0\n", (0.0, 0.0, 0.0)),
+            ("G2 X2 I1\nT1 M6\nG91 G1 X3\nG90 G1 Y1\nG2 X7 I1\n", (7.0, 1.0, 0.0)),
+            ("G2 X2 I1\nT1 M6\nG91\nG2 X4 I2\nG1 X1 Z1\n", (7.0, 0.0, 1.0)),
+            ("G2 X2 I1\nG92 Z5\nT1 M6\nG1 X3 Y3\n", (3.0, 3.0, 0.0)),
+            ("G43.1 Z3\nT1 M6\nG1 X3\nZ[1+1]\n", (3.0, 0.0, 5.0)),
+            ("G43.1 Z3\nG1 Z0\nG49 T1 M6\nG1 X3\n", (3.0, 0.0, 3.0)),
+        ],
+    )
+    def test_where_the_machine_is_at_a_tool_change_is_kept(self, tmp_path, text, end):
+        """LinuxCNC's interpreter asks the machine for it; here there is none, and it forgets arcs and changed offsets."""
+        program = read_with_linuxcnc(written(tmp_path, f"F60\n{text}M2\n"), from_zero=True)
+        assert program.end[-1, :3].tolist() == pytest.approx(end)
+        assert read_program(tmp_path / "part.ngc", start=(0, 0, 0)).end[-1, :3].tolist() == pytest.approx(end)
 
     def test_a_loop_that_never_ends_is_ended(self, tmp_path):
         path = written(tmp_path, "O1 while [1]\n#1=2\nO1 endwhile\nM2\n")
