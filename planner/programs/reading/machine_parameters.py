@@ -63,5 +63,6 @@ def machine_parameter(key: ParameterKey, state: ReadingState) -> float | None:
         points[PROBE_PARAMETERS[0]] = state.probed
     for first, point in points.items():
         if first <= key < first + len(AXES):
-            return float(point[key - first]) / units[key - first]
+            # Where the program is, and was at a probe, is told in its own units; what the machine keeps, in mm.
+            return float(point[key - first]) / (units[key - first] if first in (5420, PROBE_PARAMETERS[0]) else 1.0)
     return None

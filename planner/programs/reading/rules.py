@@ -125,9 +125,7 @@ def _check_owner(blocks: Blocks, letter: str, motion: LineArray, kind: LineArray
         else:
             count += (blocks.g if table == "G" else blocks.m)[group].has(*codes)
     if letter in "IJK":
-        blocks.faults.add(
-            column.at((count == 0) & ~np.isin(motion, (20, 30))), "belongs to G2 or G3, which is not active"
-        )
+        blocks.faults.add(column.at(count == 0), "belongs to G2 or G3, which is not active")
         return
     order = sorted(owners, key=("G", MOTION).__eq__)  # motions last, of which there are many
     names = [_name(key[0], code) for key in order for code in owners[key]]

@@ -248,3 +248,10 @@ def test_many_lines_with_few_expressions_are_read_in_bulk(read):
     p = read("#1=600\nF#1\n" + body + END)
     assert len(p) == 49_999
     assert time.process_time() - begin < 5.0
+
+
+def test_what_the_machine_keeps_is_told_in_mm_and_where_the_program_is_in_its_own_units(read):
+    head = "F60\nG10 L2 P2 X3\nT1 M6\nG10 L1 P1 X2\nG1 X4\nG28.1\nG92 X4.5\nG20\nF6\n"
+    for number, there in ((5161, 4.0), (5221 + 20, 3.0), (5401, 2.0), (5211, -0.5), (5420, 4.5 / 25.4)):
+        program = read(f"{head}G1 Y#{number}\nM2\n")
+        assert program.end[-1, 1] == pytest.approx(25.4 * there), number
