@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 import subprocess
@@ -47,6 +48,10 @@ def interpret(path: Path, timeout: float = 120.0) -> Canonical:
             text=True,
             timeout=timeout,
             check=False,
+            env={
+                **os.environ,
+                "HOME": folder,
+            },  # rs274 2.9 empties the tool table of a machine that runs, which is there
         )
     complaints = [line for line in run.stderr.splitlines() if line.strip() not in ("", "executing")]
     if run.returncode or complaints:

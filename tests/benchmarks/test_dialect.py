@@ -4,10 +4,12 @@ import dataclasses
 
 import numpy as np
 import pytest
+from cases import PROJECT
 
 from benchmarks.dialect import AIM, SAMPLES, TOOLS, Agreement, compare, compare_random, difference, programs_in, summary
 from benchmarks.random_programs import random_program
 from planner import read_program
+from planner.programs.linuxcnc.canonical_program import read_with_linuxcnc
 from planner.programs.linuxcnc.interpreter import is_installed
 
 needs_linuxcnc = pytest.mark.skipif(
@@ -55,6 +57,50 @@ class TestRandomPrograms:
         assert facts["read_here"] >= CHUNK // 2
         assert facts["refused_by_both"] >= CHUNK // 10
         assert facts["moves_compared"] >= 10 * CHUNK
+
+
+DIFFERENT = {
+    # What a line of the table in docs/format-program.md begins with: a program of it.
+    "F beside G20 or G21": "G20 F10\nG1 X1\nM2\n",
+    "a parameter that is not set": "F60\nG1 X#33\nM2\n",
+    "`M99` outside a subroutine": "F60\nG1 X5\nM99\n",
+    "words that two words of a block could take": "F60\nG0 Z5\nG82 X1 Z-1 R1 P1 G4\nM2\n",
+    "a number of G10 that is not whole": "G10 L2 P1.6 X3\nG0 X1\nM2\n",
+    "`G38.2` to where the tool is": "F60\nG1 X5\nG38.2 X5\nM2\n",
+    "lines that begin with $ or ?": "$H\nG0 X1\nM2\n",
+    "tapping, G74 and G84, in G18 and G19": "F600 M4 S100\nG18\nG0 Y20\nG74 X1 Y2 Z3 R9\nG80\nM2\n",
+    "a do loop after a break out of a while loop": (
+        "F60\n#1=0\nO1 while [#1 LT 3]\n#1=[#1+1]\nO2 if [#1 EQ 2]\nO1 break\nO2 endif\nO1 endwhile\n"
+        "#1=0\nG91\nO3 do\nG1 X1\n#1=[#1+1]\nO3 while [#1 LT 3]\nM2\n"
+    ),
+    "F that M72 brings back": "F12.34\nM70\nF600\nM72\nG1 X1\nM2\n",
+    "a short move on a huge radius": "F600\nG2 X0.001 R2000\nG1 X5\nM2\n",
+    "G93 on an arc whose radii differ": "G93\nG2 X2.02 I1 F3\nM2\n",
+}
+
+
+class TestDifferences:
+    """The table of the page is true."""
+
+    def test_the_page_has_these_and_no_others(self):
+        page = (PROJECT / "docs" / "format-program.md").read_text()
+        rows = page.split("<!-- differences -->")[1].split("\n\n")[0].strip().splitlines()[2:]
+        said = [row.removeprefix("| ").split(" |")[0] for row in rows]
+        assert len(said) == len(DIFFERENT)
+        assert [name for name, row in zip(DIFFERENT, said, strict=True) if not row.startswith(name)] == []
+
+    @needs_linuxcnc
+    @pytest.mark.parametrize("name", DIFFERENT)
+    def test_the_two_differ(self, tmp_path, name):
+        path = tmp_path / "part.ngc"
+        path.write_text(DIFFERENT[name])
+        found = compare(path, TOOLS)
+        if "G93" in name:  # which the comparison allows for
+            theirs, ours = read_with_linuxcnc(path, from_zero=True), read_program(path, start=(0, 0, 0))
+            assert theirs.feed[0] == pytest.approx(np.pi * 3 / 60, rel=1e-6)
+            assert ours.feed[0] == pytest.approx(np.pi * 1.01 * 3 / 60, rel=1e-4)
+        else:
+            assert not found.same
 
 
 class TestTheComparisonItself:

@@ -1,5 +1,6 @@
 """LinuxCNC programs of planned curves, read back by the reader of part programs."""
 
+import os
 import shutil
 import subprocess
 from dataclasses import replace
@@ -217,7 +218,8 @@ def test_linuxcnc_accepts_the_program(tmp_path, stepped, mode):
         (tmp_path / name).write_text("")
     command = ["rs274", "-g", "-n", "2", "-t", "tool.tbl", "-v", "var", "a.ngc"]
     run = subprocess.run(
-        command, cwd=tmp_path, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=20, check=True
-    )
+        command, cwd=tmp_path, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=20, check=True,
+        env={**os.environ, "HOME": str(tmp_path)},
+    )  # fmt: skip
     assert run.stdout.count("STRAIGHT_FEED") == written.blocks
     assert "PROGRAM_END" in run.stdout

@@ -1,5 +1,6 @@
 """The reader of part programs: what is read, what is refused and with which words."""
 
+import os
 import re
 import shutil
 import subprocess
@@ -185,8 +186,9 @@ class TestAgainstLinuxCNC:
             (tmp_path / name).write_text("")
         command = ["rs274", "-g", "-n", "2", "-t", "tool.tbl", "-v", "var", "part.ngc"]
         run = subprocess.run(
-            command, cwd=tmp_path, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=20, check=True
-        )
+            command, cwd=tmp_path, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=20, check=True,
+            env={**os.environ, "HOME": str(tmp_path)},
+        )  # fmt: skip
         return [(m[1], [float(x) for x in m[2].split(",")]) for m in self.CALL.finditer(run.stdout)]
 
     def random_program(self, seed: int) -> str:
