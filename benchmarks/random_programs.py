@@ -15,9 +15,9 @@ PLANES = {"G17": ("X", "Y", "Z", "I", "J"), "G18": ("Z", "X", "Y", "K", "I"), "G
 TOOLS = (1, 2, 7)  # of benchmarks.dialect.TOOLS
 # What one would not write, and the readers have to agree on.
 DOUBTFUL = (
-    "G0 G1 X1", "G2 X5 Y5", "G3 I1", "G2 X1 Y1 I5 J9", "X1 G80", "G4", "G4 P-1", "G1 X1 F0", "G1 X[1/0]",
+    "G0 G1 X1", "G2 X5 Y5", "G3 I1", "G2 X1 Y1 I5 J9", "X1 G80", "G4", "G4 P-1", "G94 G1 X1 F0", "G1 X[1/0]",
     "G1 XSQRT[-1]", "G1 X[LN[0]]", "G10 L2 P12 X1", "G10 L7 P1 X1", "G10 P1 X1", "G81 X1 Z-1", "G81 X1 R1",
-    "G83 X1 Z-1 R1", "G83 X1 Z-1 R1 Q0", "G82 X1 Z-1 R1", "G81 X1 Z5 R1", "G43 H55", "T55 M6", "G1 G28 X1", "G92",
+    "G83 X1 Z-1 R1", "G83 X1 Z-1 R1 Q0", "G82 X1 Z-1 R1", "G81 X1 Z5 R1", "G43 H555", "T555 M6", "G1 G28 X1", "G92",
     "G53 X1", "G53 G2 X1 I1", "G38.2", "M3 M4", "M7 M8", "M3 M8", "G17 G18", "G90 G91", "G1 XX1", "G1 X", "X1e3",
     "G1 X1.2.3", "G1 X1 (open", "G1 X1 )", "G1 X1 Q3", "G1 X1 R2", "G1 I2", "P1", "R1", "L2", "H3", "Q1",
     "G64 Q0.1", "G64 P-1", "G61 P1", "O999 endif", "O999 break", "M98 P777", "G1 X#5700", "G1 X#0", "#1=", "#33",

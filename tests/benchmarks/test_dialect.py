@@ -74,6 +74,7 @@ DIFFERENT = {
         "#1=0\nG91\nO3 do\nG1 X1\n#1=[#1+1]\nO3 while [#1 LT 3]\nM2\n"
     ),
     "F that M72 brings back": "F12.34\nM70\nF600\nM72\nG1 X1\nM2\n",
+    "F0 under G93": "G93\nG1 X1 F0\nM2\n",
     "a short move on a huge radius": "F600\nG2 X0.001 R2000\nG1 X5\nM2\n",
     "G93 on an arc whose radii differ": "G93\nG2 X2.02 I1 F3\nM2\n",
 }
