@@ -265,7 +265,7 @@ class RandomProgram:
         depth = -abs(self.number(5.0)) - 0.1
         words = [f"{along}{depth:.3f}", f"R{abs(self.number(3.0)):.3f}"]
         if code in (73, 83):
-            words.append(f"Q{abs(depth) * self.rng.uniform(0.2, 1.5):.3f}")
+            words.append(f"Q{abs(depth) * self.rng.uniform(0.2, 1.5):.3f}7")  # no share of the depth
         elif code not in (81, 85):
             words.append(f"P{self.rng.uniform(0.1, 2.0):.2f}")
         if self.chance(0.3) and code != 74:
