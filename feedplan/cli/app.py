@@ -41,7 +41,7 @@ Time-optimal, jerk-limited feedrate plans for parametric tool paths.
 A CURVE is a name that "feedplan curves" lists, a .json, .toml, .dxf or .csv
 file, or a part program, .ngc.  A machine is a .toml file, the .ini of
 LinuxCNC, the .cfg of Klipper, what GRBL answers to $$ (.txt), or one of the
-examples "mill" and "five-axis".
+examples "mill", "four-axis" and "five-axis".
 Lengths are in mm, angles in rad, times in s.  "-" is standard input or output.
 """
 _EXAMPLES = """\

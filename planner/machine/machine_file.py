@@ -16,7 +16,7 @@ from planner.machine.linuxcnc_ini import ini_machine
 from planner.machine.machine_table import Machine, MachineTable
 from planner.machine.machine_toml import toml_machine
 
-EXAMPLE_MACHINES = ("mill", "five-axis")
+EXAMPLE_MACHINES = ("mill", "four-axis", "five-axis")
 FORMATS = ".toml, the .ini of LinuxCNC, the .cfg of Klipper, or what a GRBL controller answers to $$ (.txt)"
 
 

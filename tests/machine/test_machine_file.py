@@ -159,7 +159,7 @@ class TestMachineFiles:
             load_limits(tmp_path / "none.toml")
         with pytest.raises(InputError, match="is not a file"):
             load_limits(tmp_path)
-        with pytest.raises(InputError, match="the example machines are mill, five-axis"):
+        with pytest.raises(InputError, match="the example machines are mill, four-axis, five-axis"):
             load_limits("lathe")
         for other in (None, 5, b"mill", ["mill"]):
             with pytest.raises(InputError, match="must be the path of a file"):
@@ -168,8 +168,12 @@ class TestMachineFiles:
             load_limits("a\0b")
 
     def test_example_machines(self):
-        assert EXAMPLE_MACHINES == ("mill", "five-axis")
-        mill, five = load_limits("mill"), load_limits("five-axis")
+        assert EXAMPLE_MACHINES == ("mill", "four-axis", "five-axis")
+        mill, four, five = (load_limits(name) for name in EXAMPLE_MACHINES)
+        assert four.axes == ("X", "Y", "Z", "A")
+        assert four.velocity[:3].tolist() == mill.velocity.tolist()
+        rotary = [row[3] for row in (four.velocity, four.acceleration, four.jerk)]
+        assert np.rad2deg(rotary) == pytest.approx([180, 1000, 2e4])
         assert mill.axes == ("X", "Y", "Z")
         assert (mill.feed, mill.chord_error, mill.period) == (100.0, 1e-3, 1e-3)
         assert (mill.velocity[0], mill.acceleration[1], mill.jerk[2]) == (250.0, 1000.0, 20000.0)
