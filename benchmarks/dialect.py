@@ -84,6 +84,9 @@ def difference(theirs: Program, ours: Program) -> str:
     off_by = WITHIN_MM + np.abs(last - radius) * np.abs(theirs.sweep[rows])
     share = np.where(arc, off_by / theirs.lengths[rows], FEED_SHARE)
     allowed = share * np.where(np.isinf(theirs.feed[rows]), 0.0, theirs.feed[rows])
+    # LinuxCNC has a slowest feed under G93, 0.1 mm, inch or degree a minute.
+    floors = np.array([0.1, 2.54]) / 60.0
+    slowest = np.where(np.isclose(theirs.feed[rows, None], floors, rtol=1e-12), floors, 0.0).max(axis=1)
     with np.errstate(invalid="ignore"):
         off = {
             "kind": theirs.kind[rows] != ours.kind[rows],
@@ -92,7 +95,7 @@ def difference(theirs: Program, ours: Program) -> str:
             "centre": arc & ~(np.abs(theirs.centre[rows] - ours.centre[rows]) <= WITHIN_MM).all(axis=1),
             "normal": arc & (theirs.normal[rows] != ours.normal[rows]),
             "sweep": arc & ~(np.abs(theirs.sweep[rows] - ours.sweep[rows]) * radius <= WITHIN_MM),
-            "feed": ~np.isclose(theirs.feed[rows], ours.feed[rows], rtol=0.0, atol=allowed),
+            "feed": ~np.isclose(theirs.feed[rows], np.maximum(ours.feed[rows], slowest), rtol=0.0, atol=allowed),
         }
     first = min((int(np.argmax(mask)) for mask in off.values() if mask.any()), default=count)
     if first < count:

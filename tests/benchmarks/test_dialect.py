@@ -61,7 +61,6 @@ class TestRandomPrograms:
 
 DIFFERENT = {
     # What a line of the table in docs/format-program.md begins with: a program of it.
-    "F beside G20 or G21": "G20 F10\nG1 X1\nM2\n",
     "a parameter that is not set": "F60\nG1 X#33\nM2\n",
     "`M99` outside a subroutine": "F60\nG1 X5\nM99\n",
     "words that two words of a block could take": "F60\nG0 Z5\nG82 X1 Z-1 R1 P1 G4\nM2\n",
@@ -75,6 +74,7 @@ DIFFERENT = {
         "#1=0\nG91\nO3 do\nG1 X1\n#1=[#1+1]\nO3 while [#1 LT 3]\nM2\n"
     ),
     "F that M72 brings back": "F12.34\nM70\nF600\nM72\nG1 X1\nM2\n",
+    "a block slower than 0.1 units a minute under G93": "G93\nG1 X0.01 F1\nM2\n",
     "F0 under G93": "G93\nG1 X1 F0\nM2\n",
     "a short move on a huge radius": "F600\nG2 X0.001 R2000\nG1 X5\nM2\n",
     "G93 on an arc whose radii differ": "G93\nG2 X2.02 I1 F3\nM2\n",
@@ -97,7 +97,10 @@ class TestDifferences:
         path = tmp_path / "part.ngc"
         path.write_text(DIFFERENT[name])
         found = compare(path, TOOLS)
-        if "on an arc" in name:  # which the comparison allows for
+        if "slower than" in name:  # so does this
+            theirs, ours = read_with_linuxcnc(path, from_zero=True), read_program(path, start=(0, 0, 0))
+            assert [theirs.feed[0], ours.feed[0]] == pytest.approx([0.1 / 60, 0.01 / 60])
+        elif "on an arc" in name:  # which the comparison allows for
             theirs, ours = read_with_linuxcnc(path, from_zero=True), read_program(path, start=(0, 0, 0))
             assert theirs.feed[0] == pytest.approx(np.pi * 3 / 60, rel=1e-6)
             assert ours.feed[0] == pytest.approx(np.pi * 1.01 * 3 / 60, rel=1e-4)

@@ -90,6 +90,8 @@ class ReadingState:
     speed_bound: float = np.inf  # D of G96, turns a minute
     turning: bool = False  # the spindle, by M3 or M4
     feed_mode: int = 940
+    unit: float = 1.0  # of the last block, mm
+    early_feeds: tuple[int, int] | None = None  # F beside G20 or G21 that change the units: the first line, how many
     tolerance: float = np.nan
     naive: float = np.nan
     spindle: float = np.nan
@@ -237,6 +239,12 @@ class ReadingState:
             f"{1e-3 * length:.6g} m on a radius of {length / (2.0 * np.pi * turns):.6g} mm"
             for line, length, turns in self.long_arcs
         ]
+        if self.early_feeds is not None:
+            first, count = self.early_feeds
+            lines.append(
+                f"F beside G20 or G21 counts in the units before, as on LinuxCNC, in {count} "
+                f"block{'s' if count > 1 else ''}, the first in line {first}"
+            )
         if self.probes is not None:
             first, count = self.probes
             lines.append(f"{count} probing move{'s' if count > 1 else ''} taken in full, the first in line {first}")
@@ -319,7 +327,13 @@ def carry_feeds(
     given = f.given & ~by_time
     changed = np.append(mode[0] != state.feed_mode, mode[1:] != mode[:-1])
     last = np.where(given, f.value / np.where(mode == 950, 1.0, 60.0), np.nan)
-    feed = np.asarray(carry_forward(given | changed, last * unit, state.feed))
+    before = np.append(state.unit, unit[:-1])
+    early = given & (before != unit)
+    if early.any():
+        line, count = state.early_feeds or (int(blocks.line[np.argmax(early)]), 0)
+        state.early_feeds = line, count + int(early.sum())
+    state.unit = float(unit[-1])
+    feed = np.asarray(carry_forward(given | changed, last * before, state.feed))
     angular = np.asarray(carry_forward(given | changed, last, state.angular_feed))
     state.feed, state.angular_feed, state.feed_mode = float(feed[-1]), float(angular[-1]), int(mode[-1])
     word = np.where(blocks.g[MOTION].given, blocks.g[MOTION].word, blocks.first)

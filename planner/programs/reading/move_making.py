@@ -18,7 +18,6 @@ from planner.programs.reading.splines import SplinePieces, spline_moves
 from planner.programs.reading.words import LineArray
 from planner.types import FloatArray
 
-_SLOWEST = 0.1  # units a minute under G93, as on LinuxCNC
 _LONG_ARC_MM = 1e6  # a full turn of this length is likely a short move whose digits are lost
 
 
@@ -79,8 +78,7 @@ def make_moves(track: ProgramTrack, feeds: BlockFeeds) -> MovesOfPart:
     feed, rate = np.where(group == ANGULAR, feeds.angular[rows], feeds.feed[rows]), feeds.rate[rows]
     by_time = ~np.isnan(rate)
     if by_time.any():
-        slowest = _SLOWEST / 60.0 * np.where(group == ANGULAR, 1.0, track.unit[rows])
-        feed = np.where(by_time, np.maximum(travel * rate, slowest), feed)
+        feed = np.where(by_time, travel * rate, feed)
     turned = np.flatnonzero(((modal[FEED_MODE][rows] == 950) | ~np.isnan(pitch)) & (kind != RAPID))
     if turned.size:
         x = x_along(start, end, arcs, (centre[arcs], normal[arcs], sweep[arcs]))[turned]

@@ -13,8 +13,8 @@ Rules, where dialects differ:
 1. The file starts in G17 G21 G40 G49 G54 G80 G90 G91.1 G94 G99 and G64 without a tolerance.
 2. The machine's first position is unknown.  An axis whose first word is an absolute one of a rapid, or that goes home first,
    stands there from the start, so that the rapid to the start of the work takes no time; every other axis stands at 0.
-3. F, X, Y, Z, U, V, W, I, J, K, R, and P and Q of G64 count in the units and the distance mode of their own block (LinuxCNC
-   takes an F beside G20 or G21 in the units before: write it in a later block).
+3. X, Y, Z, U, V, W, I, J, K, R, and P and Q of G64 count in the units and the distance mode of their own block; an F beside
+   G20 or G21 counts in the units before, as on LinuxCNC, and a note says so.
 4. Changing between G93 and G94 forgets the feed.
 5. The program ends with M2, M30 or the second %; what follows is not read.  A file without one may have been cut off.
 6. In a block tool change, spindle and dwell come before the motion, M0, M1, M2, M30 and M60 after it.

@@ -36,12 +36,18 @@ class TestMoves:
                 getattr(p, name)[...] = 0
 
     def test_inches(self, read):
-        p = read("G20\nG64 P0.001 Q0.002\nG0 X0\nG1 X1 F60\nG2 X1 Y0 I0 J1\nG21 G1 X0 F60" + END)
+        p = read("G20\nG64 P0.001 Q0.002\nG0 X0\nG1 X1 F60\nG2 X1 Y0 I0 J1\nG21\nG1 X0 F60" + END)
         assert p.end[:, 0] == pytest.approx([25.4, 25.4, 0.0], rel=1e-15)
         assert p.feed == pytest.approx([25.4, 25.4, 1.0], rel=1e-15)
         assert p.centre[1] == pytest.approx([25.4, 25.4, 0.0], rel=1e-15)
         assert p.tolerance == pytest.approx(np.full(3, 0.0254), rel=1e-15)
         assert p.naive_tolerance == pytest.approx(np.full(3, 0.0508), rel=1e-15)
+
+    def test_a_feed_beside_the_units_counts_in_those_before(self, read):
+        p = read("F600\nG20 G1 X1 F5\nX2 F3\nG21 X3 F2\nG21 X4 F1" + END)
+        assert p.feed == pytest.approx([5 / 60, 3 * 25.4 / 60, 2 * 25.4 / 60, 1 / 60], rel=1e-14)
+        note = "F beside G20 or G21 counts in the units before, as on LinuxCNC, in 2 blocks, the first in line 2"
+        assert note in p.notes
 
     def test_incremental_distances(self, read):
         p = read("G0 X10\nG91\nG1 X1 F60\nX1 Y2\nG90 X5\nG91 X1" + END)
@@ -59,9 +65,6 @@ class TestMoves:
     def test_the_angle_of_the_spindle_is_no_radius(self, read):
         p = read("F60\nG2 X2 I1\nM19 R10\nX4 I1" + END)
         assert p.line.tolist() == [2, 4]
-
-    def test_the_slowest_feed_under_inverse_time(self, read):
-        assert read("G93\nG1 X0.01 F1" + END).feed.tolist() == pytest.approx([0.1 / 60.0])
 
     def test_inverse_time_makes_a_feed_of_every_length(self, read):
         p = read("G93\nG1 X3 Y4 F2\nG3 X3 Y4 I1 J0 F4\nG94 G1 X0 F120" + END)

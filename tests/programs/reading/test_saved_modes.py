@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-CHANGED = "G20 G18 G91 G55 G61 G99 F5 S7\n"
+CHANGED = "G20 G18 G91 G55 G61 G99 S7\nF5\n"
 
 
 class TestSavedModes:
