@@ -18,6 +18,7 @@ from planner.programs.reading.splines import SplinePieces, spline_moves
 from planner.programs.reading.words import LineArray
 from planner.types import FloatArray
 
+_SLOWEST = 0.1  # units a minute, as on LinuxCNC
 _LONG_ARC_MM = 1e6  # a full turn of this length is likely a short move whose digits are lost
 
 
@@ -78,7 +79,9 @@ def make_moves(track: ProgramTrack, feeds: BlockFeeds) -> MovesOfPart:
     feed, rate = np.where(group == ANGULAR, feeds.angular[rows], feeds.feed[rows]), feeds.rate[rows]
     by_time = ~np.isnan(rate)
     if by_time.any():
-        feed = np.where(by_time, travel * rate, feed)
+        # A block of no length moves where cutter compensation ends in it.
+        slowest = np.where(travel < ZERO_LENGTH_MM, _SLOWEST / 60.0 * track.unit[rows], 0.0)
+        feed = np.where(by_time, np.maximum(travel * rate, slowest), feed)
     turned = np.flatnonzero(((modal[FEED_MODE][rows] == 950) | ~np.isnan(pitch)) & (kind != RAPID))
     if turned.size:
         x = x_along(start, end, arcs, (centre[arcs], normal[arcs], sweep[arcs]))[turned]

@@ -21,7 +21,7 @@ class TestFeedPerTurn:
         assert p.feed == pytest.approx([2.0, 4.0, 2.0, 1.0])
 
     def test_in_inches(self, read):
-        assert read("G20 G95 F0.01 S600\nG1 X1" + END).feed == pytest.approx([2.54])
+        assert read("G20 G95\nF0.01 S600\nG1 X1" + END).feed == pytest.approx([2.54])
 
     def test_cycles_and_arcs_take_it_too(self, read):
         p = read("G95 F0.2 S600\nG2 X10 R5\nG81 X0 Z-5 R2" + END)
