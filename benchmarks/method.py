@@ -200,11 +200,11 @@ def measured(of: Case, at: Stage, attempt: Attempt) -> tuple[TimeLaw, Utilisatio
 def knots_only(at: Stage) -> Stage:
     """The same stage without constraints between the knots."""
     problem = at.problem
-    cap, rows_a, rows_j = problem.cap.copy(), problem.acceleration.times(1.0), problem.jerk.times(1.0)
-    between = np.arange(cap.size) % (problem.inner + 1) > 0
-    cap[between] = 1e300
-    rows_a.r[:, :, between] = 0.0
-    rows_j.r[:, :, between] = 0.0
+    between = np.arange(problem.cap.size) % (problem.inner + 1) > 0
+    rows_a, rows_j = (
+        replace(rows, given=np.where(between, 0.0, rows.given)) for rows in (problem.acceleration, problem.jerk)
+    )
+    cap = np.where(between, 1e300, problem.cap)
     return replace(at, problem=replace(problem, cap=cap, acceleration=rows_a, jerk=rows_j))
 
 
