@@ -39,7 +39,7 @@ def completions(line):
     [
         ("feedplan plan but", ["butterfly", "butterfly-nurbs"]),
         ("feedplan plan ", list(CATALOG)),
-        ("feedplan plan flank --machine ", ["five-axis", "mill"]),
+        ("feedplan plan flank --machine ", ["five-axis", "four-axis", "mill"]),
         ("feedplan plan flank --exa", ["--exact-stop"]),
         ("feedplan plan flank --method t", ["toppra"]),
     ],

@@ -324,10 +324,11 @@ class TestReplay:
         for order in (1, 2, 3, 5):
             code, out, _ = run("replay", table, "teardrop", "--order", order)
             assert (code == 0) == ("LIMIT BROKEN" not in out)
-            assert code == 0 or order in (1, 2)
+            assert code == 0 or order < 5  # a cubic step may end beyond a limit by what it is off the plan
             found[order] = float(out.split("off the plan")[1].split()[0])
         assert found[5] < 1e-9
         assert found[1] > found[2] > found[3] > found[5]
+        assert found[3] < 1e-5
 
 
 class TestCurves:
@@ -360,7 +361,7 @@ BAD = [
     (("plan", "teardrop", "--plot", "p.gif"), 'p.gif: the suffix ".gif" must be one of .png, .pdf, .svg'),
     (("check", "nope.csv", "teardrop"), "nope.csv: cannot be read"),
     (("check", "TABLE", "butterfly"), "is for the curve teardrop (hash "),
-    (("check", "TABLE", "teardrop", "--machine", "nope"), "the example machines are mill, five-axis"),
+    (("check", "TABLE", "teardrop", "--machine", "nope"), "the example machines are mill, four-axis, five-axis"),
     (("check", "CUT", "teardrop"), "the last line is incomplete; the table is cut off"),
     (("replay", "TABLE", "butterfly"), "not for butterfly (hash "),
     (("replay", "CUT", "teardrop"), "is cut off"),

@@ -355,7 +355,7 @@ class TestBadInput:
             ("G21\nG1 X10 F100\n", "part.ngc:2: end of file: there is no M2, M30 or closing %"),
             ("G21\nM2\n", "part.ngc: the program moves nothing"),
             ("G21\nG0 X5 Y5\nG1 X5 F100\nM2\n", "part.ngc: the program moves nothing"),
-            ("G21\nG1 X1 F100\nG1 W2\nM2\n", "part.ngc:3: W: not read in this program: W (line 3, 1 time"),
+            ("G21\nG1 X1 F100\nM123\nM2\n", "part.ngc:3: M123: not read in this program: M123 (line 3, 1 time"),
             ("\0\1\2\3", "part.ngc:1: "),
         ],
     )
@@ -477,7 +477,7 @@ def test_a_table_of_points_written_from_python_says_its_tolerance(run, tmp_path)
         ("path_tolerance_mm", "inf", "path_tolerance_mm = inf; it must be > 0 and finite"),
         ("path_share", "1.5", "path_share = 1.5; it must lie within"),
         ("path_share", "nan", "path_share = nan; it must lie within"),
-        ("path_machine", "lathe", "path_machine = .lathe.; it must be one of mill, five-axis"),
+        ("path_machine", "lathe", "path_machine = .lathe.; it must be one of mill, four-axis, five-axis"),
     ],
 )
 def test_a_table_with_a_false_tolerance_is_refused(run, corners, tmp_path, monkeypatch, key, text, message):
@@ -505,7 +505,7 @@ def test_an_empty_name_is_no_machine(run, corners, tmp_path, command):
     assert (code, out) == (2, "")
     assert flat(err) == (
         "error: machine '' must be a file, .toml, the .ini of LinuxCNC, the .cfg of Klipper, or what a GRBL controller "
-        "answers to $$ (.txt), or an example machine: mill, five-axis"
+        "answers to $$ (.txt), or an example machine: mill, four-axis, five-axis"
     )
     assert not output.exists()
 
