@@ -26,6 +26,7 @@ from planner.geometry.tolerance import PathTolerance
 from planner.types import BoolArray, FloatArray
 
 _FIT_TOLERANCE = 1e-13  # of the unit tangent
+_ANGLE_ROUNDING = 2.0 * np.finfo(np.float64).eps  # of the unit tangent of an arc, by its angle
 _MAX_HALVINGS = 24
 _PROBES = 24
 INTERVALS_OF_KIND = np.array([4, 110, 4])  # of a plan that resolve a leg, a blend and a span
@@ -323,7 +324,8 @@ def _fit(curve: ChainCurve, pieces: NDArray[np.intp]) -> tuple[FloatArray, Float
     """Polynomials on these pieces, halved until within tolerance: starts (k,) and ascending powers (k, dim, p + 1).
 
     Fitted is the tangent, over the distance from the start of the piece, and integrated: a blend of micrometres far from
-    the origin has no digits to spare in its position, and a third derivative needs them.
+    the origin has no digits to spare in its position, and a third derivative needs them.  After many turns of an arc the
+    rounding of its angle is more than the tolerance, and halving would not lessen it.
     """
     piece, lo, hi = pieces, np.zeros(pieces.size), curve.edges[pieces + 1] - curve.edges[pieces]
     starts, powers = [np.empty(0)], []
@@ -335,7 +337,8 @@ def _fit(curve: ChainCurve, pieces: NDArray[np.intp]) -> tuple[FloatArray, Float
             return curve._on_pieces(np.repeat(piece, x.shape[1]), x.reshape(-1))[1].reshape(*x.shape, -1)
 
         power, error = interpolate(tangent, lo, hi, _PROBES)
-        good = (error <= _FIT_TOLERANCE).all(axis=1) | (halving == _MAX_HALVINGS - 1)
+        allowed = np.maximum(_FIT_TOLERANCE, _ANGLE_ROUNDING * _angles(curve, piece, hi))
+        good = (error <= allowed[:, None]).all(axis=1) | (halving == _MAX_HALVINGS - 1)
         begin = curve._on_pieces(piece[good], lo[good])[0]
         integral = power[good] * (hi - lo)[good, None, None] / np.arange(1.0, power.shape[1] + 1.0)[:, None]
         starts.append(curve.edges[piece[good]] + lo[good])
@@ -344,3 +347,12 @@ def _fit(curve: ChainCurve, pieces: NDArray[np.intp]) -> tuple[FloatArray, Float
         piece = np.tile(piece[~good], 2)
         lo, hi = np.concatenate([lo[~good], mid]), np.concatenate([mid, hi[~good]])
     return np.concatenate(starts), np.concatenate(powers) if powers else np.empty((0, curve.columns, 5))
+
+
+def _angles(curve: ChainCurve, piece: NDArray[np.intp], x: FloatArray) -> FloatArray:
+    """Angle of arcs from where they begin to x (n,) from the start of these pieces, rad, (n,); 0 on other pieces."""
+    angle = np.zeros(piece.size)
+    on = np.flatnonzero(curve.kind[piece] == Kind.LEG)
+    legs = piece[on]
+    angle[on] = np.abs(curve.legs.rates[curve.row[legs], 0] * (curve.offset[legs] + x[on]))
+    return angle

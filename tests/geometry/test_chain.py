@@ -185,3 +185,14 @@ def test_a_shape_that_needs_more_panels_than_there_is_room_for_is_refused(monkey
     monkeypatch.setattr("planner.geometry.bezier._MAX_PANELS", 3)
     with pytest.raises(CurveError, match="within 3 panels"):
         _ = corner(0.5 * np.pi, 0.1).inverse
+
+
+@pytest.mark.parametrize("turns", [1, 30, 1000])
+def test_an_arc_of_many_turns_has_as_many_pieces_a_turn_as_one_of_one(turns):
+    vectors = np.array([[[0.0, 0.0], [10.0, 0.0], [0.0, 10.0], [0.0, 0.0]]])
+    legs = Legs(vectors, np.array([[0.1, 0.0]]))
+    edges = np.array([0.0, 20.0 * np.pi * turns])
+    only = np.zeros(1, dtype=np.intp)
+    nothing = np.empty(0)
+    curve = ChainCurve(edges, only, only, np.zeros(1), legs, None, np.empty((0, 2, 5)), nothing, nothing, nothing)
+    assert curve.pieces.breaks.size - 1 <= 16 * turns

@@ -19,6 +19,7 @@ from planner.programs.reading.words import LineArray
 from planner.types import FloatArray
 
 _SLOWEST = 0.1  # units a minute, as on LinuxCNC
+_MAX_TURNS = 10_000  # of one arc: each turn takes some pieces and nodes of a plan
 _LONG_ARC_MM = 1e6  # a full turn of this length is likely a short move whose digits are lost
 
 
@@ -206,4 +207,5 @@ def _arcs(
         p.word[rows[(turns < 1.0) | (turns != np.rint(turns))]],
         "the turns of an arc must be a whole number of at least 1",
     )
+    blocks.faults.add(p.word[rows[turns > _MAX_TURNS]], f"at most {_MAX_TURNS} turns are read of one arc")
     return arcs.centre, arcs.sweep + np.copysign(2.0 * np.pi * (turns - 1.0), arcs.sweep)

@@ -115,6 +115,10 @@ class TestArcs:
             f"2: P{turns}: the turns of an arc must be a whole number of at least 1"
         )
 
+    def test_turns_have_an_end(self, refusal, read):
+        assert refusal("F60\nG3 I4 P10001\nM2") == "2: P10001: at most 10000 turns are read of one arc"
+        assert read("F60\nG3 I4 P10000" + END).sweep[0] == pytest.approx(2e4 * np.pi, rel=1e-15)
+
     def test_turns_of_a_thread_are_planned(self, tmp_path):
         path = tmp_path / "thread.ngc"
         path.write_text("F800\nG1 X4\nG3 X4 Y0 Z-4 I-4 P5\nG1 X0\nM2\n")
