@@ -79,8 +79,8 @@ def sort_words(words: Words, faults: Faults, unread: UnreadWords) -> Blocks:
     of_word, first = np.cumsum(starts) - 1, np.flatnonzero(starts)
     wide = np.flatnonzero(~(np.abs(words.value) <= MAX_COORDINATE))
     faults.add(wide, f"the number must be at most {MAX_COORDINATE:.0e}")
-    value = words.value.copy()
-    value[wide] = 0.0
+    faults.raise_first()  # rules of blocks cannot be looked at without the number: they would say what it is not
+    value = words.value
     nothing = WordColumn(np.zeros(first.size, dtype=bool), np.zeros(first.size), np.zeros(first.size, dtype=np.int64))
 
     def column(index: LineArray, numbers: FloatArray, twice: str) -> WordColumn:

@@ -111,6 +111,7 @@ REFUSED = {
     "G1 X1" + "0" * 400 + " F60\nM2": (
         "1: X1" + "0" * 55 + "...: the number must be at most 1e+09"
     ),
+    "G1 X1 F1000000001\nM2": "1: F1000000001: the number must be at most 1e+09",
     "G1 X1000000001 F60\nM2": "1: X1000000001: the number must be at most 1e+09",
     "G91 F60\n" + "G1 X1000000000\n" * 26 + "M2": "27: G1: leads farther than 2.5e10 mm from 0",
 }  # fmt: skip
