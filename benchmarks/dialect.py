@@ -5,7 +5,7 @@
 
 Without files: the programs of ncfiles that the package linuxcnc-uspace installs.  Of those that LinuxCNC reads it tells how
 many are read here, and of these how many moves agree: order, lines, kinds, end points, centres and sweeps of arcs within
-1 um, and feeds.
+1 um, and feeds.  Of a spline LinuxCNC tells chords: their ends have to lie on it.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import json
 import sys
 import tempfile
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -27,13 +27,14 @@ from benchmarks.random_programs import random_program
 from planner import InputError, Program, read_program
 from planner.programs.linuxcnc.canonical_program import read_with_linuxcnc
 from planner.programs.linuxcnc.interpreter import HOW_TO_INSTALL, is_installed
-from planner.programs.reading.program import ARC
+from planner.programs.reading.program import ARC, LINE, SPLINE, rows_of
 from planner.programs.reading.setup import Tool
 
 SAMPLES = Path("/usr/share/linuxcnc/ncfiles")
 WITHIN_MM = 1e-3
 FEED_SHARE = 1e-9
 AIM = 0.95
+_SAMPLES = 400  # of a curve; between them it is straight within WITHIN_MM
 TOOLS = {number: Tool((0.0, 0.0, 10.0 * number), 2.0 + number) for number in (*range(1, 100), 99999)}
 
 
@@ -73,8 +74,69 @@ def compare(path: Path, tools: Mapping[int, Tool]) -> Agreement:
     return Agreement(path.name, moves=len(theirs), difference=difference(theirs, ours))
 
 
+def with_chords_joined(theirs: Program, ours: Program) -> tuple[Program, Program]:
+    """Both with the splines of ours that follow each other as a straight move, and their chords at LinuxCNC as one.
+
+    Where the chords do not lie on the splines, in their order and to their end, or have other feeds or lines, the moves stay
+    as they are, and so differ.
+    """
+    if ours.beziers is None:
+        return theirs, ours
+    spans: list[list[tuple[int, int]]] = [[], []]  # first and last row of every move
+    row = at = 0
+    while row < len(ours) and at < len(theirs):
+        beyond = row + int(np.argmin(np.append(ours.kind[row:] == SPLINE, False)))
+        chords = _chords_beside(theirs, at, ours, slice(row, beyond)) if beyond > row else 0
+        if beyond > row and not chords:
+            break
+        moves = (max(chords, 1), max(beyond - row, 1))
+        spans[0].append((at, at + moves[0] - 1))
+        spans[1].append((row, row + moves[1] - 1))
+        at, row = at + moves[0], row + moves[1]
+    spans[0] += [(k, k) for k in range(at, len(theirs))]
+    spans[1] += [(k, k) for k in range(row, len(ours))]
+    joined = []
+    for program, rows in zip((theirs, ours), spans, strict=True):
+        first, last = np.array(rows, dtype=np.intp).reshape(-1, 2).T
+        joined.append(replace(rows_of(program, last), start=program.start[first]))
+    count = len(spans[1]) - (len(ours) - row)
+    kind, line, feed = joined[1].kind.copy(), joined[1].line.copy(), joined[1].feed.copy()
+    known = np.flatnonzero(kind[:count] == SPLINE)
+    kind[known], line[known], feed[known] = LINE, joined[0].line[known], joined[0].feed[known]
+    return joined[0], replace(joined[1], kind=kind, line=line, feed=feed)
+
+
+def _chords_beside(theirs: Program, at: int, ours: Program, rows: slice) -> int:
+    """How many straight moves of theirs, from ``at`` on, are the splines ``rows`` of ours; 0 where they are not."""
+    curves, count = ours.beziers, rows.stop - rows.start
+    if curves is None:
+        return 0
+    row = np.repeat(ours.curve[rows], _SAMPLES)
+    share = np.tile(np.linspace(0.0, 1.0, _SAMPLES), count)
+    points = curves.start[row] + curves.at(row, share * curves.length[row])[0]
+    begin, step = points[:-1], np.diff(points, axis=0)
+    square = np.maximum((step**2).sum(axis=1), 1e-30)
+    passed = 0
+    for k in range(at, len(theirs)):
+        to = theirs.end[k, :3] - begin[passed:]
+        along = np.clip((to * step[passed:]).sum(axis=1) / square[passed:], 0.0, 1.0)
+        near = np.linalg.norm(to - along[:, None] * step[passed:], axis=1) <= WITHIN_MM
+        if theirs.kind[k] != LINE or not near.any():
+            return 0
+        passed += int(np.argmax(near))
+        of = rows.start + passed // _SAMPLES
+        lines = ours.line[rows.start], ours.line[rows.stop - 1] + 1  # the last may be that of G5.3
+        if not (lines[0] <= theirs.line[k] <= lines[1] and np.isclose(theirs.feed[k], ours.feed[of], rtol=FEED_SHARE)):
+            return 0
+        at_end = np.abs(theirs.end[k] - ours.end[rows.stop - 1]).max() <= WITHIN_MM and of == rows.stop - 1
+        if at_end and not (k + 1 < len(theirs) and theirs.line[k + 1] == theirs.line[k]):  # chords of less than that
+            return k + 1 - at
+    return 0
+
+
 def difference(theirs: Program, ours: Program) -> str:
     """The first thing that is not the same in two programs; empty where there is none."""
+    theirs, ours = with_chords_joined(theirs, ours)
     count = min(len(theirs), len(ours))
     rows = slice(0, count)
     arc, at = theirs.kind[rows] == ARC, [theirs.start[rows, :3], theirs.end[rows, :3]]

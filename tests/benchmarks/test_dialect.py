@@ -108,6 +108,50 @@ class TestDifferences:
             assert not found.same
 
 
+SPLINES = (
+    "F600\nG5.1 X10 Y10 I5 J0\nG5.1 X30 Y0 I5 J0\nG1 X0\nF100 G5.2 X0 Y10 P1 L3\nX10 Y10 P1\nX10 Y0 P1\nG5.3\n"
+    "G1 X5\nG5 X20 Y10 I5 J0 P0 Q5\nM2\n"
+)
+
+
+@needs_linuxcnc
+class TestSplines:
+    """LinuxCNC tells chords of them."""
+
+    @pytest.fixture
+    def path(self, tmp_path):
+        path = tmp_path / "part.ngc"
+        path.write_text(SPLINES)
+        return path
+
+    def test_the_chords_of_a_spline_are_the_spline(self, path):
+        found = compare(path, {})
+        assert (found.linuxcnc, found.ours, found.difference) == ("", "", "")
+
+    @pytest.mark.parametrize(
+        ("old", "new"), [("J0\nG1 X0", "J0.01\nG1 X0"), ("P1 L3", "P1.01 L3"), ("Q5", "Q4.99"), ("F600", "F601")]
+    )
+    def test_another_spline_is_found(self, path, old, new):
+        theirs = read_with_linuxcnc(path, from_zero=True)
+        path.write_text(SPLINES.replace(old, new))
+        assert difference(theirs, read_program(path, start=(0, 0, 0))).startswith("move ")
+
+
+@needs_linuxcnc
+@pytest.mark.parametrize(
+    "thread",
+    ["G33 Z-3 K#4", "#<k>=2 G33 X5 Z-5 K[SQRT[2]*#4]", "G33 Z-3 KSQRT[#4]\nZ-5 K3", "G33.1 Z-3 K#4 I2",
+     "G76 K2 P#4 Z-10 I-1 J0.5 Q29.5", "G76 K2 Z-10 I-1 J[1/3] Q29.5 P1.25"],
+)  # fmt: skip
+def test_the_pitch_of_a_thread_may_be_computed(tmp_path, thread):
+    path = tmp_path / "part.ngc"
+    path.write_text(f"F60 S60 M3\n#4=2.123456789\nG4 P1\n{thread}\nG4 P2\nG1 X1\nM2\n")
+    found = compare(path, {})
+    assert (found.linuxcnc, found.ours, found.difference) == ("", "", "")
+    dwells = [event.seconds for event in read_with_linuxcnc(path).events if event.kind == "dwell"]
+    assert dwells == [1, 2]
+
+
 class TestTheComparisonItself:
     def test_a_seed_is_always_the_same_program(self):
         assert random_program(7) == random_program(7)

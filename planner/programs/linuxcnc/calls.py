@@ -10,6 +10,7 @@ import numpy as np
 from planner.errors import InputError
 from planner.programs.linuxcnc import canon
 from planner.programs.linuxcnc.interpreter import CanonicalCalls
+from planner.programs.linuxcnc.marks import word_value
 from planner.programs.reading.modal import INCH_MM
 from planner.programs.reading.words import LineArray
 from planner.types import FloatArray
@@ -18,7 +19,9 @@ _MOVES = (canon.RAPID, canon.LINE, canon.ARC, canon.PROBE, canon.TAP)
 # Columns of a STATE row.
 FEED_MODE, PATH_MODE, SPEED, MOTION, DISTANCE, UNITS = range(3, 9)
 _PER_TURN, _INCH = 950, 200
-_THREADS = (330, 331, 760)
+_CYCLE = 760
+_THREADS = (330, 331, _CYCLE)
+_NEAR = 6  # rows behind a mark, in which a pitch is told
 _LOST = {
     canon.LOST_UNITS: "the tool length was taken in other units, which LinuxCNC's interpreter mixes up where no machine is "
     "there; write G49 before G20 or G21",
@@ -26,7 +29,6 @@ _LOST = {
     "does not know where a move to a home begins where no machine is there; write a straight move before the tool change",
 }
 _TOOL_WRITTEN = re.compile(r"L1(?![\d.])")
-_PITCH = re.compile(r"[KP]([-+]?\d*\.?\d+|\d+\.)")
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,8 +99,15 @@ def sorted_calls(calls: CanonicalCalls) -> CallColumns:
     turning = state[:, FEED_MODE] == _PER_TURN
     feed[turning] *= state[turning, SPEED]
     for index in np.flatnonzero(np.isin(state[:, MOTION], _THREADS)).tolist():
-        pitch = _pitch(calls, int(marks[last[index]]), int(line[index])) * float(unit_mm(state[index]))
+        letter = "P" if state[index, MOTION] == _CYCLE else "K"
+        pitch = _pitch(calls, int(marks[last[index]]), int(line[index]), letter) * float(unit_mm(state[index]))
         feed[index] = pitch * state[index, SPEED] / 60.0
+        if (
+            index
+            and kind[moves[index - 1]] == kind[moves[index]] == canon.TAP
+            and marks[last[index]] < moves[index - 1]
+        ):
+            feed[index] *= max(_number_of(calls, int(marks[last[index]]), "I") or 1.0, 1.0)  # back, this much faster
     return CallColumns(moves, kind[moves], line, feed, state, marks, main_line)
 
 
@@ -107,14 +116,28 @@ def unit_mm(state: FloatArray) -> FloatArray:
     return np.where(state[..., UNITS] == _INCH, INCH_MM, 1.0)
 
 
-def _pitch(calls: CanonicalCalls, mark: int, line: int) -> float:
-    """Way along a thread of a turn of the spindle, in the program's units: it stands in the line, and not in the calls."""
-    file, number = calls.rows[mark, 3:5].astype(np.int64).tolist()
-    text = calls.marked.lines[file][number - 1]
-    found = _PITCH.search(text)
+def _pitch(calls: CanonicalCalls, mark: int, line: int, letter: str) -> float:
+    """Way along a thread of a turn of the spindle, in the program's units: it stands in the line, or in the dwell before it
+    (``marks``).
+    """
+    for row in calls.rows[mark + 1 : mark + _NEAR]:
+        if row[0] == canon.PITCH:
+            return float(row[3])
+        if row[0] == canon.MARK:
+            break
+    found = _number_of(calls, mark, letter)
     if found is None:
         raise InputError(
-            f"{calls.marked.names[0]}:{line}: {text[:40]}: LinuxCNC does not tell the pitch of a thread, and here it is no "
-            "number"
+            f"{calls.marked.names[0]}:{line}: LinuxCNC does not tell the pitch of a thread, and here it is no number; write "
+            f"{letter} with a number, or G33 or G76 into this block"
         )
-    return float(found[1])
+    return abs(found)
+
+
+def _number_of(calls: CanonicalCalls, mark: int, letter: str) -> float | None:
+    """The number behind a letter in the line of a mark; None where there is none."""
+    file, number = calls.rows[mark, 3:5].astype(np.int64).tolist()
+    try:
+        return float(word_value(calls.marked.lines[file][number - 1], letter))
+    except ValueError:
+        return None

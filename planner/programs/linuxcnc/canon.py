@@ -22,9 +22,9 @@ from typing import Any
 COLUMNS = (
     "kind", "line", "feed", "x", "y", "z", "a", "b", "c", "u", "v", "w", "first_centre", "second_centre", "turns", "plane"
 )  # fmt: skip
-RAPID, LINE, ARC, PROBE, TAP, DWELL, TOOL, MARK, STATE, LOST = range(10)
+RAPID, LINE, ARC, PROBE, TAP, DWELL, TOOL, MARK, STATE, LOST, PITCH = range(11)
 LOST_UNITS, LOST_PLACE = 1, 2  # what the interpreter would have to ask of a machine
-MARKED = "feedplan-mark"
+MARKED, PITCH_FOLLOWS = "feedplan-mark", "feedplan-pitch"
 MAX_ROWS = 20_000_000  # a loop that never ends would fill the disk
 _INCH = 25.4
 _LINEAR = (0, 1, 2, 6, 7, 8)
@@ -59,6 +59,7 @@ class Canon:
         ) * 9  # numbers of the last straight move, which the interpreter asks for at a tool change
         self.off = [0.0] * 9  # how far from there the machine is, mm and degrees
         self.named = ""
+        self.dwell_kind = DWELL
 
     def __getattr__(self, name: str) -> Any:
         """Answer every call that moves nothing."""
@@ -104,7 +105,9 @@ class Canon:
         self.units, self.distances = state.units, state.distance_mode
 
     def comment(self, text: str) -> None:
-        """A mark: the file and the line that are run next."""
+        """A mark: the file and the line that are run next, or that the next dwell stands for the pitch of a thread."""
+        if text.strip() == PITCH_FOLLOWS:
+            self.dwell_kind = PITCH
         words = text.split()
         if len(words) == 4 and words[0] == MARKED:
             self.named = words[3]
@@ -144,8 +147,9 @@ class Canon:
         self._row(ARC, self.at, (middle[x], middle[y], float(turns)))
 
     def dwell(self, seconds: float) -> None:
-        """G4, and the dwells of cycles."""
-        self._row(DWELL, [seconds, *[0.0] * 8])
+        """G4, and the dwells of cycles; or the pitch of a thread."""
+        self._row(self.dwell_kind, [seconds, *[0.0] * 8])
+        self.dwell_kind = DWELL
 
     def set_feed_rate(self, feed: float) -> None:
         """F, in the program's own terms but inches."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from planner.errors import InputError
-from planner.programs.linuxcnc.canon import MARKED
+from planner.programs.linuxcnc.canon import MARKED, PITCH_FOLLOWS
 
 _COMMENT = re.compile(r"\([^()\n]*\)|;[^\n]*")
 _CALL = re.compile(r"^(?:N[\d.]+)?O(\d+|<[^<>]*>)CALL")
@@ -23,6 +23,8 @@ _NO_WORD = re.compile(r"#<[^<>]*>|[A-Z]{2,}")
 _AXIS = re.compile(r"[XYZABCUVW@^]")
 _CHANGE = re.compile(r"M\s*0*6(?![\d.])", re.IGNORECASE)
 _SELECTED = re.compile(r"T\d+")
+_THREAD = re.compile(r"G(?:33(?:\.1)?|(76))(?![\d.])")
+_PLAIN_WORD = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)")
 PART = "feedplan_part.ngc"
 
 
@@ -93,7 +95,7 @@ def _marked(lines: list[str], index: int) -> tuple[list[str], tuple[int, ...]]:
         begun |= bool(line.strip())
         said = [line]
         if begun and not opens and line.strip():
-            said = [f"({MARKED} {index} {number} {_signs(bare(line))})", *_apart(line)]
+            said = [f"({MARKED} {index} {number} {_signs(bare(line))})", *_pitch(line), *_apart(line)]
         out += said
         places += [number] * len(said)
     return out, tuple(places)
@@ -121,6 +123,30 @@ def _apart(line: str) -> list[str]:
         return [line]
     tool = _SELECTED.search(words)
     return [f"{tool[0] if tool else ''} M6", _CHANGE.sub("", _COMMENT.sub("", line))]
+
+
+def word_value(line: str, letter: str) -> str:
+    """What stands behind a letter of a bare line, where it begins a word; empty where there is none."""
+    depth, outside = 0, []
+    for sign in line:
+        depth += sign in "[<"
+        outside.append("" if depth else sign)
+        depth -= sign in "]>"
+    starts = [k for k, sign in enumerate(outside) if sign.isalpha() and not (k and outside[k - 1].isalpha())]
+    for start, end in zip(starts, [*starts[1:], len(line)], strict=True):
+        if line[start] == letter:
+            return line[start + 1 : end]
+    return ""
+
+
+def _pitch(line: str) -> list[str]:
+    """Of a thread whose pitch is no plain number a dwell as long, in which the interpreter tells it."""
+    words = bare(line)
+    thread = _THREAD.search(words)
+    if thread is None or words[:1] in ("/", "O"):
+        return []
+    value = word_value(words, "P" if thread[1] else "K")
+    return [f"({PITCH_FOLLOWS})", f"G4 P[ABS[{value}]]"] if value and not _PLAIN_WORD.fullmatch(value) else []
 
 
 def _called(lines: tuple[str, ...]) -> list[str]:
