@@ -20,6 +20,7 @@ _MOVES = (canon.RAPID, canon.LINE, canon.ARC, canon.PROBE, canon.TAP)
 FEED_MODE, PATH_MODE, SPEED, MOTION, DISTANCE, UNITS = range(3, 9)
 _PER_TURN, _INCH = 950, 200
 _CYCLE = 760
+_APART_MM = 1e-6
 _THREADS = (330, 331, _CYCLE)
 _NEAR = 6  # rows behind a mark, in which a pitch is told
 _LOST = {
@@ -108,7 +109,20 @@ def sorted_calls(calls: CanonicalCalls) -> CallColumns:
             and marks[last[index]] < moves[index - 1]
         ):
             feed[index] *= max(_number_of(calls, int(marks[last[index]]), "I") or 1.0, 1.0)  # back, this much faster
+    _steepen(table[moves, 3:6], kind[moves], state, feed)
     return CallColumns(moves, kind[moves], line, feed, state, marks, main_line)
+
+
+def _steepen(points: FloatArray, kind: LineArray, state: FloatArray, feed: FloatArray) -> None:
+    """Where a G76 leads in or out, its pitch is that of the thread along Z, and the way is longer as it is slanted."""
+    step = np.abs(np.diff(points, axis=0, prepend=points[:1]))
+    across = (state[:, MOTION] == _CYCLE) & (kind == canon.LINE) & (step[:, 0] > _APART_MM)
+    slanted = np.flatnonzero(across & (step[:, 2] > _APART_MM))
+    rise = np.hypot(step[slanted, 0], step[slanted, 2]) / step[slanted, 2]
+    for at, times in zip(slanted.tolist(), rise.tolist(), strict=True):
+        feed[at] *= times
+        if across[at - 1] and step[at - 1, 2] <= _APART_MM:  # in to the depth from where it begins
+            feed[at - 1] *= times
 
 
 def unit_mm(state: FloatArray) -> FloatArray:

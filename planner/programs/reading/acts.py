@@ -59,11 +59,24 @@ def _act(track: ProgramTrack, row: int) -> None:
     if blocks.m[CHANGE].given[row]:
         by_number = blocks.number(row, "Q") if blocks.m[CHANGE].value[row] != 6 else None
         track.state.loaded = _selected(track, row) if by_number is None else int(by_number)
+        if by_number is None and track.state.beside is not None and row == 0:
+            _stand_beside(track)
         if by_number is None and track.state.offsets.tool_change is not None:
             _go_to_tool_change(track, row)
     for group, table in ((COMPENSATION, COMPENSATIONS), (TOOL_LENGTH, _LENGTHS), (SYSTEM, _SYSTEMS), (ONCE, _ONCE)):
         if blocks.g[group].given[row]:
             table.get(int(blocks.g[group].value[row]), _nothing)(track, row)
+
+
+def _stand_beside(track: ProgramTrack) -> None:
+    """M6 behind a G40 that no move follows: LinuxCNC asks where the machine is, and that is beside the programmed point."""
+    state = track.state
+    if state.beside is None or state.stands_beside:
+        return
+    state.stands_beside = True
+    for point in (state.programmed, state.position):
+        point[:3] += state.beside
+    track.points[0] = state.programmed[: state.carried]
 
 
 def _require_tools(track: ProgramTrack) -> None:

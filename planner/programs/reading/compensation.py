@@ -10,8 +10,9 @@ angle by which the path turns away from the tool:
 3. below -0.05 rad, an inside corner: the first move is cut where the path of the second crosses it.
 
 The first move, the entry, leads from where the machine stands to end + r n; after the last one the machine goes on from
-there.  So a move is known when the next one is: it waits, and with it those along the normal of the plane, which belong
-to the same corner.  An inside corner that cuts more from a move than there is of it is refused.
+there to programmed points, but a tool change before that makes where the tool is the programmed point.  So a move is known
+when the next one is: it waits, and with it those along the normal of the plane, which belong to the same corner.  An inside
+corner that cuts more from a move than there is of it is refused.
 
 Limitation: only moves that follow each other are looked at; a slot narrower than the tool is not seen, and an entry, or a
 line before a corner that needs no cut, may come to lead back.
@@ -91,6 +92,12 @@ def compensate(path: ProgrammedPath, tools: Sequence[CompensatedTool]) -> ToolPa
         else:
             parts.append(ToolPath(rows, path.kind[rows], path.end[rows], path.centre[rows], path.sweep[rows]))
     return ToolPath(*(np.concatenate([getattr(part, item.name) for part in parts]) for item in fields(ToolPath)))
+
+
+def end_beside(tool: CompensatedTool, start: complex, end: complex, centre: complex, *, sweep: float) -> complex:
+    """From the programmed end of a move to that of the tool where nothing follows, in the plane, mm; a line has no sweep."""
+    along = end - start if sweep == 0.0 else 1j * np.copysign(1.0, sweep) * (end - centre)
+    return tool.radius * 1j * along / abs(along) + abs(tool.radius) * _CONTROL_POINTS.get(tool.orientation, 0j)
 
 
 def _refusal(path: ProgrammedPath, row: int, reason: str) -> InputError:

@@ -21,10 +21,12 @@ from planner.programs.reading.language import (
     LanguageWord,
 )  # fmt: skip
 from planner.programs.reading.positions import ProgramTrack
+from planner.programs.reading.program import RAPID
 from planner.programs.reading.words import LineArray
 
 NOT_BESIDE = "is not possible while cutter compensation is on; write G40 before it"
 _OFF = 400
+TURN_ON = (41.0, 41.1, 42.0, 42.1)
 _LEFT = (410, 411)
 _BY_DIAMETER = (411, 421)
 
@@ -65,6 +67,8 @@ def _turn_on(track: ProgramTrack, row: int) -> None:
     state, blocks = track.state, track.blocks
     code, d = int(blocks.g[COMPENSATION].value[row]), blocks.number(row, "D")
     word = blocks.g[COMPENSATION].word[row : row + 1]
+    if state.beside is not None and state.stands_beside and not (track.kind[:row] >= RAPID).any() and not track.side:
+        blocks.faults.add(word, "the tool stands beside the path before G40; write a move before it")
     lathe = int(track.modal[PLANE][row]) == 180
     if code in _BY_DIAMETER:
         orientation = blocks.number(row, "L")

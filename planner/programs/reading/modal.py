@@ -106,6 +106,10 @@ class ReadingState:
     beziers: list[Beziers] = field(default_factory=list)  # of the splines so far
     tools: list[CompensatedTool] = field(default_factory=list)  # of each G41 and G42
     tool_beside: int = 0  # the number of the last of them, 0 after G40
+    beside: FloatArray | None = (
+        None  # from the programmed end to the tool, (3,), mm, where the last move is compensated
+    )
+    stands_beside: bool = False  # and a tool change has made that the programmed point
     programmed: FloatArray = field(default_factory=origin)
     position: FloatArray = field(default_factory=origin)  # where the last kept move ends
     first: FloatArray = field(default_factory=origin)

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from planner.compiled import core
 from planner.programs.reading.arcs import resolve_arcs
+from planner.programs.reading.compensation import end_beside
 from planner.programs.reading.language import CENTRES, FEED_MODE, MOTION, PATH_MODE, PLANE, THREAD
-from planner.programs.reading.modal import MoveColumns
+from planner.programs.reading.modal import MoveColumns, ReadingState
 from planner.programs.reading.positions import ProgramTrack
 from planner.programs.reading.program import ANGULAR, ARC, RAPID, SPLINE, ZERO_LENGTH_MM, arc_lengths, feed_lengths
 from planner.programs.reading.spindle import BlockSpindle, seconds_a_turn, x_along
@@ -97,9 +98,32 @@ def make_moves(track: ProgramTrack, feeds: BlockFeeds) -> MovesOfPart:
     if splines is not None:
         columns, rows = _in_pieces(columns, rows, splines, sum(map(len, state.beziers)))
         state.beziers.append(splines.beziers)
+    if state.tools and columns.line.size:
+        state.beside = _offset_beside(columns, np.concatenate([before[None, :3], columns.end[:, :3]])[:-1], state)
+        state.stands_beside = False
     shaping = [line for nurbs in track.nurbs for line in (*nurbs.lines, int(blocks.line[nurbs.row]))]
     state.zero_lines.append(np.setdiff1d(np.array(shaping, dtype=np.int64), columns.line))
     return MovesOfPart(columns, np.bincount(rows, minlength=track.kind.size), dwells)
+
+
+def _offset_beside(columns: MoveColumns, start: FloatArray, state: ReadingState) -> FloatArray | None:
+    """From the programmed end to that of the tool, (3,), mm; None where the last move is not compensated."""
+    number = int(columns.tool[-1])
+    if number == 0:
+        return None
+    in_plane = [(columns.normal[-1] + k) % 3 for k in (1, 2)]
+    step = np.hypot(*(columns.end[:, :3] - start)[:, in_plane].T)
+    moves = np.flatnonzero((columns.tool == number) & ((columns.kind == ARC) | (step >= ZERO_LENGTH_MM)))
+    if not moves.size:
+        return state.beside
+    k = int(moves[-1])
+    point = [complex(*at[k, in_plane]) for at in (start, columns.end, columns.centre)]
+    offset = end_beside(
+        state.tools[number - 1], *point, sweep=float(columns.sweep[k]) if columns.kind[k] == ARC else 0.0
+    )
+    out = np.zeros(3)
+    out[in_plane] = offset.real, offset.imag
+    return out
 
 
 def _in_pieces(

@@ -27,6 +27,7 @@ Rules, where dialects differ:
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -36,7 +37,7 @@ from planner.inputs import require_path
 from planner.machine.program_setup import ProgramSetup
 from planner.programs.reading.acts import carry_positions
 from planner.programs.reading.blocks import Blocks, sort_words
-from planner.programs.reading.compensation_words import check_beside
+from planner.programs.reading.compensation_words import TURN_ON, check_beside
 from planner.programs.reading.flow import FLOW_CODES, Flow
 from planner.programs.reading.language import MOTION, PROBES
 from planner.programs.reading.modal import (
@@ -59,6 +60,7 @@ from planner.programs.reading.splines import check_splines
 from planner.programs.reading.unread import UnreadWords, ignored_words
 from planner.programs.reading.words import Faults, Words, keep_words, read_words
 
+_TOOL_CHANGE = 6.0
 _MAX_MOVES = 5_000_000  # some 120 bytes each
 _MAX_EVENTS = 1_000_000
 
@@ -159,9 +161,32 @@ def _before_end(words: Words, state: ReadingState) -> Words:
     )
 
 
-def _read_part(words: Words, state: ReadingState) -> None:
+def _read_part(every: Words, state: ReadingState) -> None:
     """Read the words of some megabytes of text; the state goes on from there."""
-    lines, words = words.lines, state.unread.without_ignored(words)
+    for words in _from_tool_changes(every, state):
+        _read_blocks(words, state)
+    state.line_count += every.lines
+    if state.moves > _MAX_MOVES or len(state.events) > _MAX_EVENTS:
+        raise InputError(
+            f"{state.source}:{state.line_count}: end of part: more than {_MAX_MOVES} moves, or {_MAX_EVENTS} stops and "
+            "switches; split the program"
+        )
+
+
+def _from_tool_changes(words: Words, state: ReadingState) -> list[Words]:
+    """The words from M6 to M6, where tools are compensated: there it has to be known where the last one ended."""
+    compensated = (words.letter == ord("G")) & np.isin(words.value, TURN_ON)
+    if not (state.tools or compensated.any()):
+        return [words]
+    change = (words.letter == ord("M")) & (words.value == _TOOL_CHANGE)
+    block = words.block_number
+    cuts = np.unique(np.searchsorted(block, block[change])).tolist()
+    edges = [0, *cuts, block.size]
+    return [keep_words(words, slice(first, last)) for first, last in pairwise(edges) if last > first]
+
+
+def _read_blocks(words: Words, state: ReadingState) -> None:
+    words = state.unread.without_ignored(words)
     faults = Faults(words)
     if words.line.size:
         blocks = sort_words(words, faults, state.unread)
@@ -188,12 +213,6 @@ def _read_part(words: Words, state: ReadingState) -> None:
         state.parts.append(moves.columns)
         state.moves += moves.columns.line.size
         state.blocks += blocks.line.size
-    state.line_count += lines
-    if state.moves > _MAX_MOVES or len(state.events) > _MAX_EVENTS:
-        raise InputError(
-            f"{state.source}:{state.line_count}: end of part: more than {_MAX_MOVES} moves, or {_MAX_EVENTS} stops and "
-            "switches; split the program"
-        )
 
 
 def _note_probes(track: ProgramTrack) -> None:

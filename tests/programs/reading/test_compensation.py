@@ -5,6 +5,7 @@ import pytest
 from compensated_programs import HAS_LINUXCNC, TOOLS_MM, Draw, canonical, difference
 
 from planner.errors import InputError
+from planner.programs.linuxcnc.canonical_program import read_with_linuxcnc
 from planner.programs.reading.program import ARC, LINE, RAPID
 from planner.programs.reading.reader import read_program
 from planner.programs.reading.setup import Tool
@@ -380,3 +381,55 @@ class TestSplines:
         assert program.kind.tolist() == [3, 1, 1, 1, 3]
         assert program.end[:, :2] == pytest.approx(np.array([[10, 0], [20, 1], [30, 1], [40, 0], [50, 0]]))
         assert program.curve.tolist() == [0, -1, -1, -1, 1]
+
+
+class TestToolChangeBesideThePath:
+    """M6 behind a G40 that no move follows: LinuxCNC asks the machine where it is, which is beside the programmed point."""
+
+    BEGIN = "F600\nG41.1 D2\nG1 X10\nG1 X20 Z1\nG1 Z2\nG40\n"
+
+    def test_without_a_change_the_next_move_leads_back_to_the_programmed_point(self, read):
+        p = read(self.BEGIN + "G1 Z4\nM2\n")
+        assert p.end[-1, :3] == pytest.approx([20, 0, 4], abs=1e-12)
+
+    @pytest.mark.parametrize(
+        ("after", "ends"),
+        [
+            ("G1 Z4\nG91 X3\nG90 X2\nY4", [[20, 1, 4], [23, 1, 4], [2, 1, 4], [2, 4, 4]]),
+            ("G92 X0\nG1 X1 Y5\nG90 X2", [[21, 5, 2], [22, 5, 2]]),
+            ("G28 Z5\nG0 X1", [[20, 1, 5], [20, 1, 0], [1, 1, 0]]),
+            ("G81 X25 Z-1 R3\nG80", [[20, 1, 3], [25, 1, 3], [25, 1, -1], [25, 1, 3]]),
+            ("T2 M6\nG1 X0", [[0, 1, 2]]),
+        ],
+    )
+    def test_it_goes_on_from_where_the_tool_is(self, read, after, ends):
+        p = read(self.BEGIN + f"T1 M6\n{after}\nM2\n")
+        assert p.end[3:, :3] == pytest.approx(np.array(ends, dtype=float), abs=1e-12)
+        assert p.start[3, :3] == pytest.approx([20, 1, 2], abs=1e-12)
+        assert p.start[1:] == pytest.approx(p.end[:-1])
+
+    def test_the_end_may_be_an_arc(self, read):
+        p = read("F600\nG42.1 D2\nG1 X10\nG3 X20 Y10 J10\nG40\nT1 M6\nG1 Z4\nX0\nM2\n")
+        assert p.end[-2:, :3] == pytest.approx(np.array([[21, 10, 4], [0, 10, 4]]), abs=1e-9)
+
+    def test_a_move_between_is_to_the_programmed_point(self, read):
+        p = read(self.BEGIN + "G0 Z3\nT1 M6\nG1 Z4\nM2\n")
+        assert p.end[-2:, :3] == pytest.approx(np.array([[20, 0, 3], [20, 0, 4]]), abs=1e-12)
+
+    def test_in_a_subroutine_and_with_parameters(self, read):
+        p = read("O1 sub\nG0 Z#1\nO1 endsub\n" + self.BEGIN + "#1=[1+2]\nT1 M6\nO1 call [7]\nG1 X#<_x>\nM2\n")
+        assert p.end[-1, :3] == pytest.approx([20, 1, 7], abs=1e-12)
+
+    def test_compensation_again_without_a_move_is_refused(self, read):
+        with pytest.raises(InputError, match=r":8: G41\.1: the tool stands beside the path before G40"):
+            read(self.BEGIN + "T1 M6\nG41.1 D2\nG1 X40\nX60\nG40\nG1 X0\nM2\n")
+
+    @pytest.mark.skipif(not HAS_LINUXCNC, reason="LinuxCNC's interpreter rs274 is not installed")
+    @pytest.mark.parametrize("after", ["G1 Z4\nG91 X3\nG90 X2\nY4", "G92 X0\nG1 X1 Y5\nG90 X2", "G28 Z5\nG0 X1"])
+    def test_as_linuxcnc(self, tmp_path, after):
+        path = tmp_path / "part.ngc"
+        path.write_text(self.BEGIN + f"T1 M6\n{after}\nM2\n")
+        tools = {1: Tool((0.0, 0.0, 0.0), 3.0)}
+        theirs = read_with_linuxcnc(path, tools=tools, from_zero=True)
+        ours = read_program(path, tools=tools, start=(0, 0, 0))
+        assert ours.end == pytest.approx(theirs.end, abs=1e-6)
