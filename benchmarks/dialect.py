@@ -34,7 +34,7 @@ SAMPLES = Path("/usr/share/linuxcnc/ncfiles")
 WITHIN_MM = 1e-3
 FEED_SHARE = 1e-9
 AIM = 0.95
-_SAMPLES = 400  # of a curve; between them it is straight within WITHIN_MM
+_MAX_SAMPLES = 20_000  # of a curve
 TOOLS = {number: Tool((0.0, 0.0, 10.0 * number), 2.0 + number) for number in (*range(1, 100), 99999)}
 
 
@@ -108,14 +108,19 @@ def with_chords_joined(theirs: Program, ours: Program) -> tuple[Program, Program
 
 def _chords_beside(theirs: Program, at: int, ours: Program, rows: slice) -> int:
     """How many straight moves of theirs, from ``at`` on, are the splines ``rows`` of ours; 0 where they are not."""
-    curves, count = ours.beziers, rows.stop - rows.start
+    curves = ours.beziers
     if curves is None:
         return 0
-    row = np.repeat(ours.curve[rows], _SAMPLES)
-    share = np.tile(np.linspace(0.0, 1.0, _SAMPLES), count)
+    curves = curves.taken(ours.curve[rows])
+    # So many that the curve is straight between them, within a tenth of what is allowed.
+    steps = curves.length / np.sqrt(0.8 * WITHIN_MM * np.maximum(curves.tightest, 1e-3))
+    counts = np.clip(np.ceil(steps), 16, _MAX_SAMPLES).astype(np.intp)
+    row = np.repeat(np.arange(len(curves)), counts)
+    share = np.concatenate([np.linspace(0.0, 1.0, count) for count in counts])
     points = curves.start[row] + curves.at(row, share * curves.length[row])[0]
     begin, step = points[:-1], np.diff(points, axis=0)
     square = np.maximum((step**2).sum(axis=1), 1e-30)
+    rest = np.cumsum(np.sqrt(square)[::-1])[::-1] - np.sqrt(square)  # behind every step
     passed = 0
     for k in range(at, len(theirs)):
         to = theirs.end[k, :3] - begin[passed:]
@@ -124,11 +129,11 @@ def _chords_beside(theirs: Program, at: int, ours: Program, rows: slice) -> int:
         if theirs.kind[k] != LINE or not near.any():
             return 0
         passed += int(np.argmax(near))
-        of = rows.start + passed // _SAMPLES
+        of = rows.start + row[passed + 1]
         lines = ours.line[rows.start], ours.line[rows.stop - 1] + 1  # the last may be that of G5.3
         if not (lines[0] <= theirs.line[k] <= lines[1] and np.isclose(theirs.feed[k], ours.feed[of], rtol=FEED_SHARE)):
             return 0
-        at_end = np.abs(theirs.end[k] - ours.end[rows.stop - 1]).max() <= WITHIN_MM and of == rows.stop - 1
+        at_end = np.abs(theirs.end[k] - ours.end[rows.stop - 1]).max() <= WITHIN_MM and rest[passed] <= 10.0 * WITHIN_MM
         if at_end and not (k + 1 < len(theirs) and theirs.line[k + 1] == theirs.line[k]):  # chords of less than that
             return k + 1 - at
     return 0

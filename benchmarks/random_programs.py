@@ -64,8 +64,10 @@ class RandomProgram:
         """A number as it may be written: plain, with a plus, without a zero, or as an expression."""
         plain = f"{number:.6f}".rstrip("0").rstrip(".") or "0"
         kind = self.rng.random()
-        if kind < 0.8:
+        if kind < 0.78:
             return plain
+        if kind < 0.8:
+            return f"--{plain}" if number >= 0 else f"-+{plain[1:]}"
         if kind < 0.85:
             return f"+{plain}" if number >= 0 else plain
         if kind < 0.9:
@@ -354,6 +356,117 @@ class RandomProgram:
             self.some("G0", "G1"), self.some(f"@{self.number()}", f"^{self.number(90.0)}", "@10 ^30"), *self.feed()
         )
 
+    def size(self, least: float, most: float) -> float:
+        """A length in mm, in the unit in force."""
+        return round(float(self.rng.uniform(least, most)) / (25.4 if self.inch else 1.0), 3 + self.inch)
+
+    def beside(self) -> None:
+        """Cutter compensation: an entry, lines and arcs with corners to both sides, and the way out."""
+        self.plane = self.some("G17", "G17", "G18")
+        first, second, along, i, j = PLANES[self.plane]
+        self.to_relative(True)
+        self.say(self.plane, "G1", *self.feed(), self.word(along, self.number(2.0)))
+        side = self.some("G41", "G42")
+        self.say(f"{side} D{self.some('1', '2')}" if self.chance(0.3) else f"{side}.1 D{self.size(0.5, 6.0)}")
+        heading = float(self.rng.uniform(0.0, 2.0 * np.pi))
+
+        def words(step: complex) -> list[str]:
+            return [f"{first}{step.real:.7f}", f"{second}{step.imag:.7f}"]
+
+        self.say(self.some("G0", "G1", "G1"), *words(self.size(9.0, 20.0) * np.exp(1j * heading)), *self.feed())
+        for _ in range(int(self.rng.integers(1, 8))):
+            heading += float(self.rng.uniform(-1.9, 1.9)) * bool(self.rng.random() < 0.8)
+            rise = [self.word(along, self.number(2.0))] if self.chance(0.2) else []
+            if self.chance(0.1):
+                self.say("G1", self.word(along, self.number(2.0)), *self.feed())
+            if self.chance(0.35):
+                turn, radius = float(self.rng.uniform(0.5, 4.0)) * (1 if self.chance(0.5) else -1), self.size(6.0, 20.0)
+                centre = 1j * np.copysign(radius, turn) * np.exp(1j * heading)
+                step = centre - centre * np.exp(1j * turn)
+                middle = words(centre)
+                middle = [i + middle[0].removeprefix(first), j + middle[1].removeprefix(second)]
+                self.say("G3" if turn > 0 else "G2", *words(step), *middle, *rise, *self.feed())
+                heading += turn
+            else:
+                code = self.some("G0", "G1", "G1", "G1")
+                self.say(code, *words(self.size(8.0, 25.0) * np.exp(1j * heading)), *rise, *self.feed())
+        if self.chance(0.5):
+            self.say("G40")
+            if self.chance(0.3) and not self.writes_tools:
+                self.say(f"T{TOOLS[self.rng.integers(len(TOOLS))]}", "M6")
+                self.say("G0", self.word(along, self.number(5.0)))
+            self.say("G1", *words(self.size(9.0, 20.0) * np.exp(1j * heading)), *self.feed())
+        else:
+            self.say("G40", "G0", *words(self.size(9.0, 20.0) * np.exp(1j * heading)))
+
+    def spline(self) -> None:
+        """G5, G5.1, or a NURBS."""
+        if self.inverse:
+            return
+        self.plane = "G17"
+        self.say("G17", "G0", self.word("X", self.number()), self.word("Y", self.number()))
+
+        def pair(names: str) -> list[str]:
+            return [f"{name}{self.number(15.0)}" for name in names]
+
+        kind = self.rng.integers(3)
+        if kind == 0:
+            self.say("G5", *pair("XYIJPQ"))
+            if self.chance(0.4):
+                self.say("G5", *pair("XYPQ"))
+        elif kind == 1:
+            self.say("G5.1", *pair("XYIJ"))
+        else:
+            self.to_relative(False)
+            weights = [f"P{self.rng.uniform(0.5, 2.0):.2f}" for _ in range(int(self.rng.integers(3, 7)))]
+            self.say("G5.2", *pair("XY"), weights[0], f"L{self.rng.integers(3, 5)}")
+            for weight in weights[1:]:
+                self.say(*pair("XY"), weight)
+            self.say("G5.3")
+
+    def thread(self) -> None:
+        """Threads, and tapping with a reversed spindle."""
+        if self.inverse:
+            return
+        self.to_relative(True)
+        self.say("M3", f"S{self.rng.integers(50, 900)}")
+        kind = self.rng.integers(3)
+        if kind == 0:
+            self.say("G33", self.word("Z", self.number()), f"K{self.size(0.2, 3.0)}")
+            if self.chance(0.4):
+                self.say(self.word("X", self.number(3.0)), self.word("Z", self.number()), f"K{self.size(0.2, 3.0)}")
+        elif kind == 1:
+            self.say(
+                "G33.1", self.word("Z", self.number()), f"K{self.size(0.2, 3.0)}", *self.some("", "I2", "I1").split()
+            )
+        else:
+            self.plane = "G18"
+            self.say("G18")
+            peak = self.size(0.5, 3.0) * (1 if self.chance(0.5) else -1)
+            words = [f"P{self.size(0.5, 3.0)}", f"Z{-self.size(20.0, 40.0)}", f"I{peak}", f"J{self.size(0.2, 0.5)}"]
+            words += [f"K{self.size(0.8, 2.0)}", *self.some("", "R1.5", "R2").split(), *self.some("", "Q29.5").split()]
+            words += [
+                *self.some("", "H2").split(),
+                *self.some("", f"E{self.size(1.0, 3.0)} L{self.rng.integers(0, 4)}").split(),
+            ]
+            self.say("G76", *words)
+
+    def per_turn(self) -> None:
+        """Feed per turn of the spindle."""
+        if self.inverse:
+            return
+        self.say("M3", f"S{self.rng.integers(50, 900)}")
+        self.say("G95", f"F{self.size(0.05, 0.5)}")
+        self.line()
+        self.say("G94", self.word("F", round(float(self.rng.uniform(1.0, 900.0)), 1)))
+
+    def diameter(self) -> None:
+        """X as a diameter."""
+        self.say("G7")
+        self.line()
+        self.rapid()
+        self.say("G8")
+
     def blank(self) -> None:
         """What is no block."""
         self.lines.append(self.some("", "(only a comment)", "; another", "/G0 X99", "   "))
@@ -374,7 +487,8 @@ class RandomProgram:
         acts: list[tuple[float, Callable[[], None]]] = [
             (5, self.line), (2, self.rapid), (3, self.arc), (2, self.arc_by_radius), (1, self.arc_absolute), (3, self.modes),
             (2, self.offsets), (1.5, self.tools), (1.5, self.cycle), (2, self.numbers), (1.5, self.flow), (1, self.dwell),
-            (0.4, self.saved), (0.5, self.polar), (0.7, self.blank),
+            (0.4, self.saved), (0.5, self.polar), (0.7, self.blank), (1, self.beside), (1, self.spline), (0.8, self.thread),
+            (0.4, self.per_turn), (0.4, self.diameter),
         ]  # fmt: skip
         weights = np.array([weight for weight, _ in acts]) / sum(weight for weight, _ in acts)
         count = int(self.rng.integers(8, 40))
