@@ -29,7 +29,7 @@ _LOST = {
     canon.LOST_PLACE: "the tool change before comes after an arc, or after a change of offsets, and LinuxCNC's interpreter "
     "does not know where a move to a home begins where no machine is there; write a straight move before the tool change",
 }
-_TOOL_WRITTEN = re.compile(r"L1(?![\d.])")
+_TOOL_WRITTEN = re.compile(r"L1[01]?(?![\d.])")
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,11 +14,15 @@ from planner.programs.reading.blocks import WordColumn
 from planner.programs.reading.compensation_words import COMPENSATIONS, NOT_BESIDE
 from planner.programs.reading.cycles import run_cycle
 from planner.programs.reading.language import CHANGE, COMPENSATION, DISTANCE, MOTION, ONCE, SYSTEM, TOOL_LENGTH
+from planner.programs.reading.modal import ReadingState
 from planner.programs.reading.nurbs_blocks import require_closed, run_nurbs
 from planner.programs.reading.offsets import SYSTEM_CODES, origin
 from planner.programs.reading.positions import CYCLE, NURBS, ProgramTrack, SideMove, block_numbers
 from planner.programs.reading.program import RAPID
 from planner.programs.reading.threads import THREADS
+
+_FROM_FIXTURE = 11
+_OF_TOOLS = (1, 10, _FROM_FIXTURE)
 
 
 def carry_positions(track: ProgramTrack) -> None:
@@ -200,23 +204,18 @@ def _restore_shift(track: ProgramTrack, row: int) -> None:
 
 
 def _set_offsets(track: ProgramTrack, row: int) -> None:
-    """G10: L1 the offsets of a tool, L2 the origin of a system, L20 so that the machine stands at a point of it."""
+    """G10: L1 the offsets of a tool, L10 and L11 so that with it the machine stands at a point of the active system or of
+    G59.3; L2 the origin of a system, L20 so that the machine stands at a point of it.
+    """
     state, blocks = track.state, track.blocks
     level, which, numbers = blocks.number(row, "L"), blocks.number(row, "P"), _numbers(track, row)
     if level is None or which is None:
         return  # refused already
-    if level == 1.0:
-        tool = state.offsets.to_write(int(which))
-        if which < 1 or which != int(which):
-            _refuse(track, blocks.letters["P"], row, "the number of a tool must be a whole number of at least 1")
-        for axis, number in enumerate(numbers):
-            tool[axis] = tool[axis] if number is None else number
-        radius = blocks.number(row, "R")
-        if radius is not None:
-            state.offsets.radii[int(which)] = radius * float(track.unit[row])
+    if level in _OF_TOOLS:
+        _write_tool(track, row, int(level))
         return
     if level not in (2.0, 20.0):
-        _refuse(track, blocks.letters["L"], row, "of G10 only L1, L2 and L20 are read")
+        _refuse(track, blocks.letters["L"], row, "of G10 only L1, L2, L10, L11 and L20 are read")
         return
     if which not in range(10):
         _refuse(track, blocks.letters["P"], row, "the number of a coordinate system is 1 to 9, or 0 for the active one")
@@ -234,6 +233,28 @@ def _set_offsets(track: ProgramTrack, row: int) -> None:
             rest = state.offsets.shift[axis] + state.offsets.length[axis]
             state.offsets.systems[system, axis] = state.programmed[axis] - rest - number
             state.known[axis] = True
+
+
+def _write_tool(track: ProgramTrack, row: int, level: int) -> None:
+    """G10 L1, L10 and L11."""
+    state, blocks, which = track.state, track.blocks, track.blocks.number(row, "P") or 0.0
+    if which < 1 or which != int(which):
+        _refuse(track, blocks.letters["P"], row, "the number of a tool must be a whole number of at least 1")
+    tool = state.offsets.to_write(int(which))
+    for axis, number in enumerate(_numbers(track, row)):
+        if number is not None:
+            tool[axis] = number if level == 1 else _beyond(state, axis, from_fixture=level == _FROM_FIXTURE) - number
+    radius = blocks.number(row, "R")
+    if radius is not None:
+        state.offsets.radii[int(which)] = radius * float(track.unit[row])
+
+
+def _beyond(state: ReadingState, axis: int, *, from_fixture: bool) -> float:
+    """Where the machine is from the origin of the active system and G92, or of G59.3, without a tool."""
+    offsets = state.offsets
+    base = offsets.systems[-1, axis] if from_fixture else offsets.systems[offsets.active, axis] + offsets.shift[axis]
+    state.known[axis] = True
+    return float(state.programmed[axis] - base)
 
 
 def _choose_system(track: ProgramTrack, row: int) -> None:

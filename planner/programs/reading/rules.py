@@ -184,7 +184,7 @@ def check_motion(blocks: Blocks, modal: dict[int, LineArray]) -> LineArray:
         faults.add(
             blocks.first_of("XYZ", cycle & blocks.any_of("XYZ") & beside), "a cycle needs the plane G17, G18 or G19"
         )
-        kind[cycle & blocks.any_of("XYZ")] = CYCLE
+        kind[cycle & ends & blocks.any_of("XYZ")] = CYCLE
         other_axes = AXIS_LETTERS[3:]
         faults.add(
             blocks.first_of(other_axes, cycle & ends & blocks.any_of(other_axes)),

@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 from planner.errors import InputError
+from planner.programs.linuxcnc.canonical_program import read_with_linuxcnc
+from planner.programs.linuxcnc.interpreter import is_installed
 from planner.programs.reading.program import LINE, RAPID
+from planner.programs.reading.reader import read_program
 from planner.programs.reading.setup import Tool, read_tool_table
 
 END = "\nM2\n"
@@ -150,7 +153,8 @@ class TestWhatIsRefused:
         ("text", "message"),
         [
             ("G10 L2 X1", "1: G10: needs P beside it"),
-            ("G10 L10 P1 X1", "1: L10: of G10 only L1, L2 and L20 are read"),
+            ("G10 L12 P1 X1", "1: L12: of G10 only L1, L2, L10, L11 and L20 are read"),
+            ("G10 L10 P0 X1", "1: P0: the number of a tool must be a whole number of at least 1"),
             ("G10 L2 P10 X1", "1: P10: the number of a coordinate system is 1 to 9, or 0 for the active one"),
             ("G10 L2 P1 R45", "1: R45: a coordinate system that is turned is not read; turn the program"),
             ("G10 L1 P0 Z1", "1: P0: the number of a tool must be a whole number of at least 1"),
@@ -279,3 +283,30 @@ def test_the_parts_it_is_read_in_do_not_matter(read, monkeypatch):
     assert parts.line.tolist() == whole.line.tolist()
     assert parts.end == pytest.approx(whole.end, abs=1e-9)
     assert parts.notes == whole.notes
+
+
+class TestToolsMeasuredByTheMachine:
+    """G10 L10 and L11: the length is what makes the place of the machine the point in the block."""
+
+    @pytest.mark.parametrize(
+        ("lines", "end"),
+        [
+            ("G43\nG92 Z2\nG10 L10 P1 Z5\nG43\nG1 Z1", [3, 0, -4]),
+            ("G92 Z2\nG10 L2 P1 Z7\nG10 L11 P1 Z5\nG43\nG1 Z1", [3, 0, 1]),
+            ("G10 L2 P9 Z9\nG10 L11 P1 Z5\nG43\nG1 Z1", [3, 0, -13]),
+            ("G10 L10 P1 X1\nG43\nG1 X0", [2, 0, 0]),
+        ],
+    )
+    def test_the_length(self, tmp_path, lines, end):
+        path = tmp_path / "part.ngc"
+        path.write_text(f"F600\nG1 X3\nT1 M6\n{lines}\nM2\n")
+        tools = {1: Tool((0.0, 0.0, 10.0))}
+        assert read_program(path, tools=tools, start=(0, 0, 0)).end[-1, :3] == pytest.approx(end, abs=1e-12)
+        if is_installed():
+            theirs = read_with_linuxcnc(path, tools=tools, from_zero=True)
+            assert theirs.end[-1, :3] == pytest.approx(end, abs=1e-9)
+
+
+def test_a_block_of_offsets_under_a_cycle_moves_nothing(read):
+    p = read("F600\nG0 Z5\nG81 X1 Z-1 R2\nG10 L2 P3 X9\nG80\nG0 X2\nM2\n")
+    assert p.line.tolist()[1:-1] == [3] * (len(p) - 2)
