@@ -141,7 +141,8 @@ class TestSplines:
 @pytest.mark.parametrize(
     "thread",
     ["G33 Z-3 K#4", "#<k>=2 G33 X5 Z-5 K[SQRT[2]*#4]", "G33 Z-3 KSQRT[#4]\nZ-5 K3", "G33.1 Z-3 K#4 I2",
-     "G76 K2 P#4 Z-10 I-1 J0.5 Q29.5", "G76 K2 Z-10 I-1 J[1/3] Q29.5 P1.25"],
+     "G76 K2 P#4 Z-10 I-1 J0.5 Q29.5", "G76 K2 Z-10 I-1 J[1/3] Q29.5 P1.25", "G76 K2 Z-10 I-1 J0.5 P1.25 E2 L3",
+     "G33 Z-3 K#4\nG28 X5"],
 )  # fmt: skip
 def test_the_pitch_of_a_thread_may_be_computed(tmp_path, thread):
     path = tmp_path / "part.ngc"

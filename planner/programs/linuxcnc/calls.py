@@ -99,7 +99,8 @@ def sorted_calls(calls: CanonicalCalls) -> CallColumns:
     feed = table[moves, 2] / 60.0
     turning = state[:, FEED_MODE] == _PER_TURN
     feed[turning] *= state[turning, SPEED]
-    for index in np.flatnonzero(np.isin(state[:, MOTION], _THREADS)).tolist():
+    threads = np.isin(state[:, MOTION], _THREADS) & (kind[moves] != canon.RAPID)
+    for index in np.flatnonzero(threads).tolist():
         letter = "P" if state[index, MOTION] == _CYCLE else "K"
         pitch = _pitch(calls, int(marks[last[index]]), int(line[index]), letter) * float(unit_mm(state[index]))
         feed[index] = pitch * state[index, SPEED] / 60.0
