@@ -374,6 +374,7 @@ class RandomProgram:
             return [f"{first}{step.real:.7f}", f"{second}{step.imag:.7f}"]
 
         self.say(self.some("G0", "G1", "G1"), *words(self.size(9.0, 20.0) * np.exp(1j * heading)), *self.feed())
+        straight = True
         for _ in range(int(self.rng.integers(1, 8))):
             heading += float(self.rng.uniform(-1.9, 1.9)) * bool(self.rng.random() < 0.8)
             rise = [self.word(along, self.number(2.0))] if self.chance(0.2) else []
@@ -387,12 +388,14 @@ class RandomProgram:
                 middle = [i + middle[0].removeprefix(first), j + middle[1].removeprefix(second)]
                 self.say("G3" if turn > 0 else "G2", *words(step), *middle, *rise, *self.feed())
                 heading += turn
+                straight = False
             else:
+                straight = True
                 code = self.some("G0", "G1", "G1", "G1")
                 self.say(code, *words(self.size(8.0, 25.0) * np.exp(1j * heading)), *rise, *self.feed())
         if self.chance(0.5):
             self.say("G40")
-            if self.chance(0.3) and not self.writes_tools:
+            if self.chance(0.3) and not self.writes_tools and straight:  # behind an arc the interpreter alone is lost
                 self.say(f"T{TOOLS[self.rng.integers(len(TOOLS))]}", "M6")
                 self.say("G0", self.word(along, self.number(5.0)))
             self.say("G1", *words(self.size(9.0, 20.0) * np.exp(1j * heading)), *self.feed())
