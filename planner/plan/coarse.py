@@ -6,6 +6,7 @@ where the jerk switches, and is the law whose time is the coordinate of what fol
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -18,6 +19,7 @@ from planner.plan.section import Section
 from planner.plan.stage import Attempt, Stage, Task
 from planner.plan.time_knots import JerkChanges, TimeGrid, place_in_time
 from planner.plan.time_map import TimeMap
+from planner.plan.utilisation import utilisation
 
 DEFAULT_INTERVALS = 1000
 MIN_INTERVALS = 24
@@ -32,6 +34,8 @@ _PER_GUESSED, _PER_GUESSED_CAREFUL, _MIN_COARSE = 2, 4, (200, 300)
 _COARSE_GAP, _EVEN_GAP = 1e-2, 1e-4
 # Where the even grid has fewer intervals than this for a change of the jerk by its limit, it cannot tell the switches apart.
 _TO_TELL = 8.0
+# Where the law that the guess leads to falls back for good, the intervals there are halved, so often at most.
+_MAX_HALVINGS = 4
 # Where the number of intervals is free: so many for a change of the jerk by its limit, by the points inside one, and at most
 # so many times the usual.
 _PER_CHANGE, _MAX_FOR_CHANGES = {1: 26.0, 3: 15.0}, 4
@@ -78,6 +82,14 @@ class Coarse:
     def changes(self) -> JerkChanges:
         """Where its jerk changes."""
         return self.stage.jerk_changes(self.attempt, self.law)
+
+    def halved(self, task: Task, gap: float) -> Coarse:
+        """Solve anew with the intervals halved where the law falls back."""
+        stage = self.stage
+        backward = utilisation(task.section.curve, task.limits, self.law).backward > 0.0
+        grid = stage.grid.split(stage.by_interval(backward.astype(np.float64)) > 0.0)
+        again = Coarse.solved(task, Stage.on(task, grid, inner=stage.problem.inner), None, gap)
+        return replace(again, spent=self.spent + again.spent)
 
     def first_stage(self, task: Task, effort: Effort, most: int, *, follow: bool) -> Stage:
         """The grid to begin with."""
@@ -128,7 +140,13 @@ def _coarse_plan(task: Task, effort: Effort, most: int, needed: int, *, careful:
     on = TimeMap.from_guess(section, task.limits, task.guess, breaks_inside(section), count)
     found = Coarse.solved(task, Stage.on(task, TimeGrid.even(on, parts), inner=1), None, _COARSE_GAP)
     between = max(least, wanted // _COARSER_EVEN, min(2 * wanted, needed))
-    grid = found.placed(task, effort, between, most, follow=follow, even=True)
+    for _ in range(_MAX_HALVINGS):
+        with suppress(SolverError):
+            grid = found.placed(task, effort, between, most, follow=follow, even=True)
+            break
+        found = found.halved(task, _COARSE_GAP)
+    else:
+        grid = found.placed(task, effort, between, most, follow=follow, even=True)
     found = Coarse.solved(task, Stage.on(task, grid), found, _EVEN_GAP)
     told = min(round(_TO_TELL * float(found.changes.change.sum())), 2 * wanted if effort.free else wanted, most)
     if found.stage.problem.inner == task.inner and told > 1.5 * between:

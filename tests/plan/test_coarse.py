@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from cases import DRIVES, line_arc_line, mill
 
-from planner import Curve, load_curve, plan_feedrate
+from planner import Curve, Limits, SolverError, load_curve, plan_feedrate
+from planner.geometry.makers import formula
 from planner.plan.coarse import Coarse, Effort, coarse_plan
 from planner.plan.guess import guess_feed
 from planner.plan.section import Section, cut
@@ -100,3 +101,25 @@ def test_the_effort_is_shared_among_sections(
 
 def _as_section(found: Any) -> Section:
     return found  # type: ignore[no-any-return]
+
+
+def test_where_the_guess_leads_to_a_law_that_falls_back_its_intervals_are_halved(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Six lobes with all but cusps between, far shorter than an interval of the guess."""
+    lobes = {"X": "30*cos(u)*(1+0.9*cos(6*u))", "Y": "25*sin(u)*(1+0.9*cos(6*u))"}
+    limits = Limits(
+        11.0,
+        [490.0, 410.0],
+        [2900.0, 2100.0],
+        [17800.0, 188000.0],
+        tangential_acceleration=746.0,
+        tangential_jerk=6400.0,
+    )
+    (section,) = cut(formula(lobes, (0.3, "2*pi+0.3")), limits, exact_stop=False)
+    task = Task(section, limits, guess_feed(section, limits, 1000), "optimal", False, np.inf, None)
+    found = coarse_plan(task, Effort(1000, True), 10**9, follow=False)
+    assert (np.diff(found.law.u) > 0.0).all()
+    monkeypatch.setattr("planner.plan.coarse._MAX_HALVINGS", 0)
+    with pytest.raises(SolverError, match="falls back"):
+        coarse_plan(task, Effort(1000, True), 10**9, follow=False)
