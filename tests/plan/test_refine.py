@@ -11,13 +11,14 @@ import pytest
 from cases import DRIVES, line_arc_line
 from problems import laid_out
 
-from planner import FeedrateProfile, load_curve, plan_feedrate
+from planner import FeedrateProfile, Limits, check, load_curve, plan_feedrate
 from planner.errors import InfeasibleError, SolverError
+from planner.geometry.makers import formula
 from planner.plan import refine
 from planner.plan import stage as stages
 from planner.plan.coarse import Effort
 from planner.plan.collocation import points_of
-from planner.plan.refine import Round
+from planner.plan.refine import Outcome, Round, _sooner
 from planner.plan.solvers import interior as optimal
 from planner.plan.solvers import ipopt as nlp
 from planner.plan.stage import Stage, Task
@@ -396,3 +397,43 @@ def test_only_an_optimum_is_proven_to_be_global(
     """The multipliers on a circle without an end are smooth enough; those of a butterfly jump."""
     profile, _ = planned_with(monkeypatch, name, 100, periodic=name == "circle", status=status)
     assert profile.work.proven_global is proven
+
+
+# ---- as many intervals as serve ------------------------------------------------------------------------------------
+
+# Five lobes between which the path all but turns back: most of the time at the programmed feed, and ten short slow places.
+LOBES = {"X": "11.213*cos(u)*(1+0.791*cos(5*u))", "Y": "27.617*sin(u)*(1+0.791*cos(5*u))"}
+SLOW = Limits(25.9048, [392.589, 161.388], [4022.21, 1680.21], [203307.0, 80862.4], tangential_jerk=10191.8)
+
+
+def test_where_midpoints_do_not_serve_a_free_number_of_intervals_is_doubled() -> None:
+    curve = formula(LOBES, (0.3, "2*pi+0.3"))
+    fine = plan_feedrate(curve, SLOW, start_feed=12.0, intervals=12_000)
+    found = plan_feedrate(curve, SLOW, start_feed=12.0)
+    assert found.duration == pytest.approx(fine.duration, rel=3e-4)
+    assert 3000 < found.work.intervals <= 4000
+    asked = plan_feedrate(curve, SLOW, start_feed=12.0, intervals=1000)
+    assert asked.work.intervals < 1200
+    assert check(curve, SLOW, found).ok
+
+
+@pytest.mark.parametrize(("seconds", "slowdown", "taken"), [(0.9, 1.0, True), (1.1, 1.0, False), (0.9, 1.1, False)])
+def test_of_two_numbers_of_intervals_the_sooner_plan_is_kept_that_keeps_its_limits(
+    seconds: float, slowdown: float, taken: bool
+) -> None:
+    task, stage = task_of(start=10.0)
+    one = Outcome(task, round_of(1.0), stage, None, 0.25, 0.125, ())  # type: ignore[arg-type]
+    other = Outcome(task, round_of(seconds, slowdown), stage, None, 0.5, 0.375, ())  # type: ignore[arg-type]
+    kept = _sooner(task, one, other)
+    assert kept.best is (other if taken else one).best
+    assert (kept.spent, kept.first) == (0.75, 0.125)
+
+
+def test_a_finer_plan_that_is_no_law_is_not_kept() -> None:
+    """With a jerk of 1e12 mm/s^3 the finer ones fall back by a digit beside the stop."""
+    curve = formula({"X": "50*cos(u)", "Y": "50*sin(u)"}, (0.0, "2*pi"))
+    limits = Limits(100.0, 250.0, 1000.0, 1e12)
+    found = plan_feedrate(curve, limits)
+    without = plan_feedrate(curve, replace(limits, jerk=np.inf))
+    assert found.duration == pytest.approx(without.duration, rel=1e-4)
+    assert check(curve, limits, found).ok
