@@ -127,8 +127,11 @@ class Core:
         file = core_file(_ROOT)
         if not file.exists():
             raise CoreError(f"the compiled core {file.name} is missing from {file.parent}; {_REBUILD}")
-        library = ctypes.CDLL(str(file))
-        library.core_source.restype = ctypes.c_char_p
+        try:
+            library = ctypes.CDLL(str(file))
+            library.core_source.restype = ctypes.c_char_p
+        except (OSError, AttributeError) as error:  # no library of this machine, or another one
+            raise CoreError(f"the compiled core {file} cannot be loaded ({error}); {_REBUILD}") from None
         if library.core_source() != source_hash(self._source).encode():
             raise CoreError(f"the compiled core {file} was made from other source than stands beside it; {_REBUILD}")
         return library

@@ -1,6 +1,7 @@
 """The compiled core: what headers declare is what Python may call, and with nothing else; a stale library says so."""
 
 import importlib.util
+import subprocess
 import sys
 from pathlib import Path
 
@@ -115,6 +116,23 @@ def test_a_stale_library_says_what_to_type(sample):
 def test_a_missing_library_says_what_to_type(sample):
     core_source.core_file(sample).unlink()
     with pytest.raises(CoreError, match=r"missing .* pip install"):
+        Core().sample_add(0, 1.0, None, None)
+
+
+def test_a_file_that_is_no_library_says_what_to_type(sample):
+    core_source.core_file(sample).unlink()  # not written over: who has it loaded would read what is new
+    core_source.core_file(sample).write_bytes(b"no library")
+    with pytest.raises(CoreError, match=r"cannot be loaded .* pip install"):
+        Core().sample_add(0, 1.0, None, None)
+
+
+def test_another_library_says_what_to_type(sample):
+    """Which has no ``core_source``."""
+    (sample / "planner" / "core.c").write_text("int something_else(void) { return 0; }\n")
+    file = core_source.core_file(sample)
+    file.unlink()
+    subprocess.run(["cc", "-shared", "-fPIC", sample / "planner" / "core.c", "-o", file], check=True)
+    with pytest.raises(CoreError, match=r"cannot be loaded .*core_source.* pip install"):
         Core().sample_add(0, 1.0, None, None)
 
 
