@@ -26,6 +26,9 @@ from planner.programs.reading.program import ANGULAR, ARC, FEED_GROUPS, RAPID, S
 from planner.types import BoolArray, FloatArray, IntArray
 
 _TURNS_BACK = np.cos(np.deg2rad(150.0))  # of the path the feed is measured on: there its speed would fall to 0
+# Where the feed begins to be measured along other axes, by how much these may move faster or slower for a length of
+# path: in a corner both count, and its speed would have to fall so far within it that no grid of a plan follows.
+_MAX_UNEVEN = 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +94,8 @@ class MovingBlocks:
         Index into ``FEED_GROUPS``: what the feed is measured along.
     turns_back : (m - 1,) bool array
         The path that the feed is measured on turns by more than 150 degrees.
+    uneven : (m - 1,) bool array
+        It is another one from here on, and what is measured moves at quite another rate.
     """
 
     row: IntArray
@@ -102,6 +107,7 @@ class MovingBlocks:
     stop: BoolArray
     group: NDArray[np.uint8]
     turns_back: BoolArray
+    uneven: BoolArray
 
     @classmethod
     def of(cls, program: Program, tolerance: float | None, used: ProgramAxes | None = None) -> MovingBlocks:
@@ -124,10 +130,10 @@ class MovingBlocks:
         stop = (halts[row[1:]] > halts[row[:-1]]) | rapid[:-1] | rapid[1:]
         group = program.feed_group[row]
         programmed = Programmed(edges, legs, used.scale, length / program.lengths[row])
-        back = np.zeros(stop.size, dtype=np.bool_)
+        back = uneven = np.zeros(stop.size, dtype=np.bool_)
         if used.moving[3:].any():
-            back = _turning_back(programmed, group, used.names)
-        return cls(row, used, programmed, own, program.feed[row], rapid, stop | back, group, back)
+            back, uneven = _measured_turns(programmed, group, used.names)
+        return cls(row, used, programmed, own, program.feed[row], rapid, stop | back | uneven, group, back, uneven)
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -233,14 +239,18 @@ class ChainColumns:
         return out
 
 
-def _turning_back(programmed: Programmed, group: NDArray[np.uint8], axes: tuple[str, ...]) -> BoolArray:
-    """Junctions at which the path that the feed is measured on turns back, (m - 1,)."""
+def _measured_turns(
+    programmed: Programmed, group: NDArray[np.uint8], axes: tuple[str, ...]
+) -> tuple[BoolArray, BoolArray]:
+    """Junctions at which the path that the feed is measured on turns back, or is uneven with the one before, (m - 1,)."""
     measured = np.array([[name in AXES[part] for name in axes] for part in FEED_GROUPS])
     at = programmed.edges[1:-1]
     before, after = (programmed.at(at, left=left)[1] for left in (True, False))
     before, after = before * measured[group[:-1]], after * measured[group[1:]]
-    sizes = np.sqrt(np.sum(before**2, axis=1) * np.sum(after**2, axis=1))
-    return np.asarray((np.sum(before * after, axis=1) < _TURNS_BACK * sizes) & (group[1:] == group[:-1]))
+    slow, fast = np.sort([np.sqrt(np.sum(rate**2, axis=1)) for rate in (before, after)], axis=0)
+    same = group[1:] == group[:-1]
+    back = same & (np.sum(before * after, axis=1) < _TURNS_BACK * slow * fast)
+    return np.asarray(back), np.asarray(~same & (fast > _MAX_UNEVEN * slow))
 
 
 def _legs(program: Program, row: IntArray, moves: BoolArray) -> tuple[Legs, FloatArray]:

@@ -429,6 +429,7 @@ def _reason(blocks: MovingBlocks, junctions: Junctions, reasons: dict[int, str],
     every = (
         ("beside a rapid", blocks.rapid[k] or blocks.rapid[k + 1]),
         ("the tool turns back", blocks.turns_back[k]),
+        ("the feed is measured along axes that move at quite another rate", blocks.uneven[k]),
         (_DEMANDED, blocks.stop[k]),
         (f"a turn of {np.rad2deg(junctions.turn[k]):.0f} degrees", junctions.turn[k] > np.deg2rad(150.0)),
         ("a corner so small that stopping is faster", small),

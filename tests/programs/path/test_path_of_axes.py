@@ -293,6 +293,20 @@ def test_windows_are_as_fast_as_the_whole(tmp_path, monkeypatch):
     assert plan.duration == pytest.approx(whole.duration, rel=5e-3)
 
 
+@pytest.mark.parametrize("tolerance", [0.005, 0.02, 0.05])
+def test_a_slow_wound_block_before_a_fast_turn_stops(tmp_path, tolerance):
+    """F counts along X before, and along A after: a corner of both was planned 68 % too slow, or not at all."""
+    source = tmp_path / "wound.ngc"
+    source.write_text(f"G21 G90 G64 P{tolerance}\nG0 X0 Z0 A0\nG1 X10 A100 F20\nX20 A-200 Z-1\nA-3000 F3600\nM2\n")
+    read = read_program(source)
+    path = program_path(read, None, LIMITS)
+    assert [stop.reason for stop in path.stops][-1] == "the feed is measured along axes that move at quite another rate"
+    limits = LIMITS.for_curve(path.curve)
+    profile = plan_feedrate(path.curve, limits, intervals=path.intervals)
+    assert check(path.curve, limits, profile).ok
+    assert profile.duration <= 1.01 * sum(read.lengths / read.feed)
+
+
 class TestProgramsOut:
     def test_words_and_feeds(self, tmp_path):
         source = tmp_path / "post.ngc"
