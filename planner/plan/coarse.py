@@ -25,12 +25,12 @@ DEFAULT_INTERVALS = 1000
 MIN_INTERVALS = 24
 _MIN_INTERVALS = 200  # of one section among several
 # How many times coarser than the grid that is asked for those of the guess and of the even solve are.  On a path with blends
-# that of the guess is not, and its macros are short, and its solve begins close to the guess: or programs of short lines end
-# in local optima up to 8 % slower.
+# neither is, the macros of the guess are short, and its solve begins close to it: or programs of short lines end in local
+# optima up to 8 % slower, and a tiny corner between long legs is not seen.
 _COARSER_GUESS, _COARSER_EVEN = 4, 2
-# Intervals to a macro of the guess, and where it is made with care; in all at least the first, up to the second as many as
-# are asked for; and relative gaps of the coarse solves.
-_PER_GUESSED, _PER_GUESSED_CAREFUL, _MIN_COARSE = 2, 4, (200, 300)
+# Intervals to a macro of the guess, and with blends; in all at least the first, up to the second as many as asked for; and
+# relative gaps of the coarse solves.
+_PER_GUESSED, _PER_GUESSED_BLENDS, _MIN_COARSE = 2, 4, (200, 300)
 _COARSE_GAP, _EVEN_GAP = 1e-2, 1e-4
 # Where the even grid has fewer intervals than this for a change of the jerk by its limit, it cannot tell the switches apart.
 _TO_TELL = 8.0
@@ -119,27 +119,16 @@ def coarse_plan(task: Task, effort: Effort, most: int, *, follow: bool) -> Coars
     """Solve coarsely: on a map of the guess, then on an even grid in the time of that plan.
 
     On blends the second has as many intervals as these need, so that it tells where the jerk switches; elsewhere there is a
-    third where it does not.  Where the map of the guess or the law on it falls back, it is made as on blends.
+    third where it does not.
     """
-    section = task.section
-    needed = section.curve.intervals_needed(section.u_start, section.u_end)
-    try:
-        return _coarse_plan(task, effort, most, needed, careful=needed > 0, follow=follow)
-    except SolverError:
-        if needed:
-            raise
-        return _coarse_plan(task, effort, most, needed, careful=True, follow=follow)
-
-
-def _coarse_plan(task: Task, effort: Effort, most: int, needed: int, *, careful: bool, follow: bool) -> Coarse:
-    """Solve coarsely; ``careful``: the guess on as many intervals as are asked for."""
     section, wanted = task.section, effort.intervals
-    parts = _PER_GUESSED_CAREFUL if careful else _PER_GUESSED
+    needed = section.curve.intervals_needed(section.u_start, section.u_end)
+    parts = _PER_GUESSED_BLENDS if needed else _PER_GUESSED
     least = int(np.clip(wanted, *_MIN_COARSE))
-    count = max(least, wanted if careful else wanted // _COARSER_GUESS) // parts
+    count = max(least, wanted if needed else wanted // _COARSER_GUESS) // parts
     on = TimeMap.from_guess(section, task.limits, task.guess, breaks_inside(section), count)
     found = Coarse.solved(task, Stage.on(task, TimeGrid.even(on, parts), inner=1), None, _COARSE_GAP)
-    between = max(least, wanted // _COARSER_EVEN, min(2 * wanted, needed))
+    between = max(least, wanted if needed else wanted // _COARSER_EVEN, min(2 * wanted, needed))
     for _ in range(_MAX_HALVINGS):
         with suppress(SolverError):
             grid = found.placed(task, effort, between, most, follow=follow, even=True)

@@ -33,7 +33,7 @@ from planner.types import FloatArray, IntArray
 
 _PER_MACRO = 24
 # Share of the knots that go where the jerk changes.
-_CHANGES = 0.4
+_CHANGES = 0.45
 # An interval's change may be anywhere in it, or begin in the next: it is spread so far beyond either end, in its lengths.
 _BEYOND = 0.5
 # |d spacing / d time| that keeps neighbours within a factor 2, and how often the spacings are scaled to give their number
