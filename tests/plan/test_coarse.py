@@ -58,7 +58,7 @@ def test_blends_have_as_many_intervals_as_they_need_and_three_points_in_the_seco
     coarse_of(curve, 400)
     assert [inner for _, inner in solves] == [1, 3]
     assert solves[0][0] == pytest.approx(400, rel=0.05)
-    assert solves[1][0] == pytest.approx(max(300, needed), rel=0.05)
+    assert solves[1][0] == pytest.approx(max(400, needed), rel=0.05)
 
 
 def test_where_the_even_grid_cannot_tell_the_switches_there_is_a_third_solve(solves: list[tuple[int, int]]) -> None:
