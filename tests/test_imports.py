@@ -29,6 +29,7 @@ ORDER = (
     "planner.geometry",
     "planner.machine",
     "planner.law",
+    "planner.joint",
     "planner.status",
     "planner.origin",
     "planner.samples",

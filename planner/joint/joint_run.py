@@ -1,0 +1,126 @@
+"""What the joint problem is given and what it finds: a run of blocks, and a motion along it.
+
+A *run* is a chain of blocks from rest to rest.  The motion sought leaves every block by no more than its tolerance; its
+path is not chosen before its feed, both are one function of time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from planner.errors import InputError
+from planner.geometry.blend import Legs
+from planner.types import FloatArray, IntArray
+
+_JOINED = 1e-6  # mm between the end of a leg and the start of the next
+
+
+@dataclass(frozen=True, eq=False)
+class JointRun:
+    """Blocks from rest to rest, and the limits on the motion along them.
+
+    Distances of several axes are taken together: sqrt(sum of squares), a degree counted as a mm.
+
+    Attributes
+    ----------
+    legs : Legs
+        The n blocks, each from x = 0 to its length; each begins where the one before ends.
+    lengths : (n,) array
+        mm, positive.
+    tolerance : (n,) array
+        Largest distance of the motion from each block, mm, positive; at a junction the smaller of the two holds.
+    feed : (n,) array
+        Largest speed along each block, mm/s; inf for none.
+    velocity, acceleration, jerk : (d,) arrays
+        Limits of the axes, mm/s, mm/s^2, mm/s^3; the first two may be inf.
+    bend : float
+        Largest acceleration of all axes together, mm/s^2: sufficient for a chord error; inf for none.
+    """
+
+    legs: Legs
+    lengths: FloatArray
+    tolerance: FloatArray
+    feed: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    jerk: FloatArray
+    bend: float = np.inf
+
+    def __post_init__(self) -> None:
+        for name in ("lengths", "tolerance", "feed", "velocity", "acceleration", "jerk"):
+            value = getattr(self, name)
+            if not (value > 0.0).all():
+                at = int(np.argmin(value > 0.0))
+                raise InputError(f"{name}[{at}] = {value[at]!r} must be > 0")
+        if not np.isfinite(self.jerk).all():
+            raise InputError(
+                f"jerk = {self.jerk!r} must be finite; without a jerk limit a motion has no least time to find"
+            )
+        gaps = np.abs(self.ends[:-1] - self.starts[1:]).max(axis=1, initial=0.0)
+        if (gaps > _JOINED).any():
+            at = int(np.argmax(gaps))
+            raise InputError(f"leg {at + 1} begins {gaps[at]:.3g} mm from the end of leg {at}; a run has no gaps")
+
+    @property
+    def dim(self) -> int:
+        """Number of axes, d."""
+        return int(self.jerk.size)
+
+    @property
+    def starts(self) -> FloatArray:
+        """Points at which the blocks begin, (n, d)."""
+        rows = np.arange(self.lengths.size)
+        return np.asarray(self.legs.at(rows, np.zeros(rows.size))[0])
+
+    @property
+    def ends(self) -> FloatArray:
+        """Points at which the blocks end, (n, d)."""
+        return np.asarray(self.legs.at(np.arange(self.lengths.size), self.lengths)[0])
+
+
+@dataclass(frozen=True, eq=False)
+class JointMotion:
+    """A motion from rest to rest: position over time, a piecewise cubic with continuous acceleration; read-only arrays.
+
+    Attributes
+    ----------
+    t : (m + 1,) array
+        Nodes, s, from 0, increasing.
+    position, velocity, acceleration : (m + 1, d) arrays
+        There, in mm and s.
+    jerk : (m, d) array
+        Between two nodes, constant.
+    leg : (m,) array
+        The block that each piece runs along; does not decrease, and every block has a piece.
+    iterations : int
+        Of the solver.
+    """
+
+    t: FloatArray
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    jerk: FloatArray
+    leg: IntArray
+    iterations: int = 0
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)
+
+    @property
+    def duration(self) -> float:
+        """Time from start to end, s."""
+        return float(self.t[-1])
+
+    def at(self, t: FloatArray) -> FloatArray:
+        """Position, velocity, acceleration, jerk (4, k, d) at times (k,) within the motion; at a node on its right."""
+        i = np.clip(np.searchsorted(self.t, t, side="right") - 1, 0, self.t.size - 2)
+        h = (t - self.t[i])[:, None]
+        p, v, a, j = self.position[i], self.velocity[i], self.acceleration[i], self.jerk[i]
+        position = p + h * (v + h * (0.5 * a + h * (j / 6.0)))
+        return np.stack([position, v + h * (a + 0.5 * h * j), a + h * j, j])

@@ -1,0 +1,76 @@
+"""A run of blocks and a motion along it."""
+
+import numpy as np
+import pytest
+
+from planner.errors import InputError
+from planner.geometry.blend import Legs
+from planner.joint.joint_run import JointMotion, JointRun
+
+
+def lines(points: list[list[float]]) -> tuple[Legs, np.ndarray]:
+    """Legs between points, and their lengths."""
+    at = np.array(points)
+    step = np.diff(at, axis=0)
+    length = np.sqrt((step**2).sum(axis=1))
+    vectors = np.zeros((length.size, 4, at.shape[1]))
+    vectors[:, 0], vectors[:, 3] = at[:-1], step / length[:, None]
+    return Legs(vectors, np.zeros((length.size, 2))), length
+
+
+def run_of(points: list[list[float]], **changed: object) -> JointRun:
+    legs, length = lines(points)
+    n, d = length.size, len(points[0])
+    given = {
+        "tolerance": np.full(n, 0.01),
+        "feed": np.full(n, 100.0),
+        "velocity": np.full(d, 250.0),
+        "acceleration": np.full(d, 1000.0),
+        "jerk": np.full(d, 20000.0),
+    }
+    return JointRun(legs, length, **(given | changed))  # type: ignore[arg-type]
+
+
+def test_the_blocks_begin_and_end_at_the_points():
+    run = run_of([[0.0, 0.0], [3.0, 4.0], [3.0, 9.0]])
+    assert run.dim == 2
+    np.testing.assert_allclose(run.starts, [[0.0, 0.0], [3.0, 4.0]], atol=1e-15)
+    np.testing.assert_allclose(run.ends, [[3.0, 4.0], [3.0, 9.0]], atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"tolerance": np.array([0.01, 0.0])}, r"tolerance\[1\] = .* must be > 0"),
+        ({"feed": np.array([np.nan, 1.0])}, r"feed\[0\] = .* must be > 0"),
+        ({"jerk": np.array([np.inf, 1.0])}, "jerk = .* must be finite"),
+        ({"lengths": None}, "leg 1 begins 0.8 mm from the end of leg 0"),
+    ],
+)
+def test_a_run_that_is_none_is_refused(changed, said):
+    legs, length = lines([[0.0, 0.0], [3.0, 4.0], [3.0, 9.0]])
+    if "lengths" in changed:
+        changed = {}
+        length = length - np.array([1.0, 0.0])
+    run = run_of([[0.0, 0.0], [3.0, 4.0], [3.0, 9.0]])
+    given = {name: getattr(run, name) for name in ("tolerance", "feed", "velocity", "acceleration", "jerk")} | changed
+    with pytest.raises(InputError, match=said):
+        JointRun(legs, length, **given)
+
+
+def test_a_motion_is_the_cubic_between_its_nodes():
+    t = np.array([0.0, 0.5, 1.25])
+    jerk = np.array([[6.0, -12.0], [0.0, 24.0]])
+    state = np.zeros((3, 3, 2))
+    for k in range(2):
+        h = t[k + 1] - t[k]
+        p, v, a = state[k]
+        state[k + 1] = p + h * v + h**2 / 2 * a + h**3 / 6 * jerk[k], v + h * a + h**2 / 2 * jerk[k], a + h * jerk[k]
+    motion = JointMotion(t, *np.moveaxis(state, 1, 0), jerk, np.array([0, 1]))
+    assert motion.duration == 1.25
+    np.testing.assert_allclose(motion.at(t)[:3], np.moveaxis(state, 1, 0), atol=1e-14)
+    np.testing.assert_array_equal(motion.at(np.array([0.5, 0.49999]))[3], [[0.0, 24.0], [6.0, -12.0]])
+    slope = np.diff(motion.at(np.array([0.7 - 1e-6, 0.7 + 1e-6]))[0], axis=0)[0] / 2e-6
+    np.testing.assert_allclose(slope, motion.at(np.array([0.7]))[1, 0], rtol=1e-8)
+    with pytest.raises(ValueError, match="read-only"):
+        motion.t[0] = 1.0
