@@ -8,8 +8,9 @@ or C'' changes) two nodes share t and u and carry the values of either side.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,6 +107,36 @@ class TimeLaw:
             np.concatenate([part.u_rate for part in parts]),
             np.concatenate([part.u_acceleration for part in parts]),
         )
+
+
+@dataclass(frozen=True, eq=False)
+class Timing:
+    """The feed of a curve that was found together with its path.
+
+    Attributes
+    ----------
+    laws : tuple of TimeLaw
+        On stretches from stop to stop, in their order; the times of each begin at 0, u is the curve's parameter.
+    limits : Hashable
+        The limits they were found for: equal ones are kept by them, and under no other are they the fastest.
+    """
+
+    laws: tuple[TimeLaw, ...]
+    limits: Hashable
+
+    def between(self, start: float, end: float) -> TimeLaw | None:
+        """The law of the stretch from start to end, None if there is none."""
+        law = self._by_start.get(start)
+        return law if law is not None and law.u[-1] == end else None
+
+    @cached_property
+    def _by_start(self) -> dict[float, TimeLaw]:
+        return {float(law.u[0]): law for law in self.laws}
+
+    def covers(self, u: float) -> bool:
+        """Whether u lies inside one of the stretches, not at an end."""
+        k = int(np.searchsorted([law.u[0] for law in self.laws], u)) - 1
+        return k >= 0 and u < float(self.laws[k].u[-1])
 
 
 def quintic_coefficients(

@@ -23,6 +23,7 @@ from planner.geometry.curve import AXES, DEFAULT_AXES, Curve, FeedCaps, Pieces, 
 from planner.geometry.differential import speed_derivatives
 from planner.geometry.fit import interpolate
 from planner.geometry.tolerance import PathTolerance
+from planner.law import Timing
 from planner.types import BoolArray, FloatArray
 
 _FIT_TOLERANCE = 1e-13  # of the unit tangent
@@ -70,6 +71,8 @@ class ChainCurve(Curve):
         Of the program.
     tip_columns : sequence of int
         The columns of the path that the feed is measured on; left out, the linear axes.
+    timing : Timing, optional
+        The feed that was found together with the path; no part of its definition.
     """
 
     edges: FloatArray
@@ -87,6 +90,7 @@ class ChainCurve(Curve):
     feed_caps: FeedCaps | None = None
     made_within: PathTolerance | None = None
     tip_columns: tuple[int, ...] = ()
+    timing: Timing | None = None
 
     def __post_init__(self) -> None:
         named = axis_names(self.axes or None, len(self.axes) or self.legs.vectors.shape[2], self.name)

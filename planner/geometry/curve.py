@@ -24,6 +24,7 @@ from planner.geometry.continuity import MAX_DERIVATIVE, Break, continuity
 from planner.geometry.differential import curvature, dot, norm
 from planner.geometry.tolerance import PathTolerance
 from planner.inputs import coordinates, require_side
+from planner.law import Timing
 from planner.types import BoolArray, FloatArray, Side
 
 AXES = ("X", "Y", "Z", "A", "B", "C", "U", "V", "W")
@@ -136,7 +137,8 @@ class Curve(ABC):
     """A parametric tool path in machine axes.
 
     Subclasses provide ``name``, ``domain``, ``axes`` and :meth:`_evaluate`; ``feed_caps`` where a program commands feeds,
-    and ``made_within`` where the curve stands for a program or for points.  Curves are immutable.
+    ``made_within`` where the curve stands for a program or for points, ``timing`` where its feed was found with it.  Curves
+    are immutable.
     """
 
     name: str
@@ -144,6 +146,7 @@ class Curve(ABC):
     axes: tuple[str, ...]
     feed_caps: FeedCaps | None = None
     made_within: PathTolerance | None = None
+    timing: Timing | None = None
 
     @abstractmethod
     def _evaluate(self, u: FloatArray, order: int, left: BoolArray) -> FloatArray:

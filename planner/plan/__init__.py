@@ -37,6 +37,7 @@ from planner.plan.refine import (
 from planner.plan.refine import plan_section as plan_and_refine
 from planner.plan.section import Section, cut
 from planner.plan.stage import WORTH_SAYING
+from planner.plan.timed import cut_around, laws_for, plan_timed, require_rests
 from planner.plan.utilisation import utilisation
 from planner.profile import FeedrateProfile, make_profile
 from planner.quantity import ACCELERATION, TANGENTIAL_ACCELERATION
@@ -115,7 +116,13 @@ def plan_feedrate(
     if start_acceleration is not None:
         _require_continued(curve, limits, start_feed, start_acceleration, method)
     start, end = (FREE, FREE) if periodic else (end_with(start_feed, start_acceleration), end_with(end_feed))
-    sections = cut(curve, limits, start, end, exact_stop=exact_stop)
+    plain = method == "optimal" and intervals is None and not periodic and not reserve
+    require_rests(curve, start, end)
+    timing = laws_for(curve, limits) if plain else None
+    if timing is None:
+        sections = cut(curve, limits, start, end, exact_stop=exact_stop)
+    else:
+        sections = cut_around(curve, timing, limits, start, end, exact_stop=exact_stop)
     if reserve:
         begins = [u for u, _ in reserve]
         if begins != sorted(begins) or not all(0.0 <= share < 1.0 for _, share in reserve):
@@ -129,6 +136,10 @@ def plan_feedrate(
     plans = []
     shares = _shares(sections)
     for i, section in enumerate(sections):
+        law = None if timing is None else timing.between(section.u_start, section.u_end)
+        if law is not None:
+            plans.append(plan_timed(section, limits, law))
+            continue
         if progress is not None:
             progress(f"section {i + 1} of {len(sections)}", float(shares[:i].sum()))
         effort = Effort.for_share(intervals, float(shares[i]), section)

@@ -1,7 +1,8 @@
 """The plan before the plan: a coarse solution, in whose time the grid to begin with is placed.
 
-A solve in the time of a guess tells roughly how long each place takes; another on a grid that is even in that time tells
-where the jerk switches, and is the law whose time is the coordinate of what follows.
+A solve in the time of a guess, or of a law that was found with the path, tells roughly how long each place takes; another
+on a grid that is even in that time tells where the jerk switches, and is the law whose time is the coordinate of what
+follows.
 """
 
 from __future__ import annotations
@@ -14,11 +15,12 @@ import numpy as np
 
 from planner.errors import SolverError
 from planner.law import TimeLaw
+from planner.plan.ends import REST
 from planner.plan.guess import breaks_inside
 from planner.plan.section import Section
 from planner.plan.stage import Attempt, Stage, Task
 from planner.plan.time_knots import JerkChanges, TimeGrid, place_in_time
-from planner.plan.time_map import TimeMap
+from planner.plan.time_map import TimeMap, divided
 from planner.plan.utilisation import utilisation
 
 DEFAULT_INTERVALS = 1000
@@ -39,6 +41,8 @@ _MAX_HALVINGS = 4
 # Where the number of intervals is free: so many for a change of the jerk by its limit, by the points inside one, and at most
 # so many times the usual.
 _PER_CHANGE, _MAX_FOR_CHANGES = {1: 26.0, 3: 15.0}, 4
+# A law that was found with its path is slowed down by so much for a start: a solver begins inside its limits.
+_SLOWER = 1.05
 
 
 @dataclass(frozen=True)
@@ -126,7 +130,7 @@ def coarse_plan(task: Task, effort: Effort, most: int, *, follow: bool) -> Coars
     parts = _PER_GUESSED_BLENDS if needed else _PER_GUESSED
     least = int(np.clip(wanted, *_MIN_COARSE))
     count = max(least, wanted if needed else wanted // _COARSER_GUESS) // parts
-    on = TimeMap.from_guess(section, task.limits, task.guess, breaks_inside(section), count)
+    on = _first_map(task, count)
     found = Coarse.solved(task, Stage.on(task, TimeGrid.even(on, parts), inner=1), None, _COARSE_GAP)
     between = max(least, wanted if needed else wanted // _COARSER_EVEN, min(2 * wanted, needed))
     for _ in range(_MAX_HALVINGS):
@@ -142,3 +146,16 @@ def coarse_plan(task: Task, effort: Effort, most: int, *, follow: bool) -> Coars
         grid = found.placed(task, effort, told, most, follow=follow, even=True)
         found = Coarse.solved(task, Stage.on(task, grid), found, _EVEN_GAP)
     return found
+
+
+def _first_map(task: Task, count: int) -> TimeMap:
+    """The map of a law that was found with the path, slowed down to these limits; where there is none that of the guess."""
+    section, limits = task.section, task.limits
+    timing = section.curve.timing
+    law = None if timing is None else timing.between(section.u_start, section.u_end)
+    if law is None or section.start is not REST or section.end is not REST:
+        return TimeMap.from_guess(section, limits, task.guess, breaks_inside(section), count)
+    law = law.dilated(max(1.0, float(utilisation(section.curve, limits, law).slowdown.max())) * _SLOWER)
+    nodes = np.unique(law.t)
+    parts = np.maximum(1, np.rint(np.diff(nodes) * count / law.duration)).astype(np.intp)
+    return TimeMap.from_law(section, law, divided(nodes, parts))

@@ -10,7 +10,8 @@ it, an exact stop replaces the worst junction, and the path says so.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import partial
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,11 +23,13 @@ from planner.inputs import positive_number, require_instance
 from planner.machine.limits import Limits
 from planner.programs.path import tube_knots as knotting
 from planner.programs.path.absorb import Absorbed, absorb
-from planner.programs.path.corners import Junction, Junctions, blends_at, classify
+from planner.programs.path.corners import Junction, Junctions, blends_at
 from planner.programs.path.deviation import Deviation
 from planner.programs.path.feeds import caps_of_blocks
+from planner.programs.path.joint_runs import FoundRun, classified, find_runs, left_out, separate_notes
 from planner.programs.path.measure import LinePlace, Written, largest_deviation
 from planner.programs.path.moves import MovingBlocks
+from planner.programs.path.splice import Placed, spliced
 from planner.programs.path.stretch import Fitted, Stretch, fit
 from planner.programs.reading.noise import noise_amplitude
 from planner.programs.reading.program import Program
@@ -44,6 +47,9 @@ _INTERVALS_PER_CORNER, _INTERVALS_PER_KNOT = 110, 4
 MIN_INTERVALS = 1000  # of a plan of a program
 _NOISE_FACTOR = 2.0
 _DEMANDED = "demanded by the program"
+
+PathKind = Literal["joint", "separate"]
+"""How the path of a part program is made: with its feed as one problem, or first and its feed after it."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +89,8 @@ class ProgramPath:
     intervals : int
         A number of intervals that resolves the corners and tubes, for ``plan_feedrate``.
     counts : dict
-        How many blocks, corners, tubes, knots and stops the path has.
+        How many blocks, corners, tubes, knots and stops the path has; how many runs from stop to stop, and how many of
+        these were found jointly.
     notes : tuple of str
         What a reader of the verdict should know.
     """
@@ -106,7 +113,7 @@ class ProgramPath:
         return f"ProgramPath({self.curve.name}: within {1e3 * far:.4g} um of the program, {stops} exact stops)"
 
 
-def program_path(program: Program, tolerance: float | None, limits: Limits) -> ProgramPath:
+def program_path(program: Program, tolerance: float | None, limits: Limits, *, path: PathKind = "joint") -> ProgramPath:
     """Make a smooth path within tolerance of a part program.
 
     Parameters
@@ -116,7 +123,10 @@ def program_path(program: Program, tolerance: float | None, limits: Limits) -> P
         Largest distance between path and program, mm, in place of the program's own P words; None for those
         (0.01 mm where there is none).  G61 and G61.1 stay exact stops.
     limits : Limits
-        Of the machine; they weigh where smoothness is worth most.
+        Of the machine.  A joint path is the fastest for them; in a separate one they weigh where smoothness is worth most.
+    path : {"joint", "separate"}
+        Find path and feed as one problem, or the path first.  A run of blocks from stop to stop of which path and feed
+        cannot be found jointly is made separately; ``notes`` says which, and why.
 
     Returns
     -------
@@ -134,23 +144,31 @@ def program_path(program: Program, tolerance: float | None, limits: Limits) -> P
         tolerance = positive_number(tolerance, "tolerance")
         if not np.isfinite(tolerance):
             raise InputError("tolerance = inf mm must be finite")
+    if path not in get_args(PathKind):
+        raise InputError(f"path = {path!r} must be one of {', '.join(get_args(PathKind))}")
     limits = program.require_axes(limits)
     given = MovingBlocks.of(program, tolerance)
     absorbed = absorb(program, given)
     blocks = MovingBlocks.of(absorbed.program, None, given.used)
     written = absorbed.written(given.programmed)
-    at = [limits.axes.index(axis) for axis in blocks.axes]
-    rows: dict[str, Any] = {q.key: getattr(limits, q.key)[at] for q in AXIS}
+    limits = limits.for_axes(blocks.axes, program.source)
+    rows: dict[str, Any] = {q.key: getattr(limits, q.key) for q in AXIS}
     shaped = Limits(limits.feed, **rows, axes=blocks.axes, rapid=limits.rapid)
+    runs = find_runs(blocks, classified(blocks, None), limits) if path == "joint" else []
     # The rooms of the corners were measured one by one, which serves nearly always; else the other tries do without.
-    share = 1.0
-    for number in range(MAX_TRIES + 1):
-        built = _build(blocks, shaped, share, None if number else absorbed.room)
+    share, number = 1.0, 0
+    while number <= MAX_TRIES:
+        built = _build(blocks, (shaped, limits), share, None if number else absorbed.room, runs)
         found, largest = _measure(absorbed, built, written)
         if largest <= 1.0:
-            path = _report(program, (given, absorbed, blocks), built, found, largest)
-            return replace(path, curve=replace(path.curve, made_within=PathTolerance(tolerance)))
+            made = _report(program, (given, absorbed, blocks), built, found, largest)
+            return replace(made, curve=replace(made.curve, made_within=PathTolerance(tolerance)))
+        kept = left_out(runs, partial(_measure_run, absorbed, built, written))
+        if kept is not runs:
+            runs = kept
+            continue
         share *= NARROWER / largest if number else 1.0
+        number += 1
     raise SolverError(
         f"{program.source}: the path leaves the tolerance by {largest - 1.0:.2g} of it at abscissa {found.abscissa:.6g} mm; "
         "give a larger tolerance"
@@ -161,28 +179,34 @@ def program_path(program: Program, tolerance: float | None, limits: Limits) -> P
 class _Built:
     """The pieces of a path and where they lie."""
 
-    curve: ChainCurve
-    u_edges: FloatArray
-    s_edges: FloatArray
+    placed: Placed
     junctions: Junctions
     tubes: list[Fitted]
     reasons: dict[int, str]
+    runs: list[FoundRun]
 
 
-def _build(blocks: MovingBlocks, limits: Limits, share: float, room: FloatArray | None) -> _Built:
+def _build(
+    blocks: MovingBlocks, limits: tuple[Limits, Limits], share: float, room: FloatArray | None, runs: list[FoundRun]
+) -> _Built:
     """Classify the junctions, fit the tubes, and put exact stops where one cannot be kept within tolerance.
 
-    ``share`` is the part of the tolerance that the tubes may use, ``room`` what the corners may.
+    ``share`` is the part of the tolerance that the tubes may use, ``room`` what the corners may; ``limits`` those that
+    shape a tube, and those that ``runs`` were found for.
     """
-    junctions = classify(blocks.programmed, blocks.tolerance, blocks.stop, room, blocks.apart)
+    shaped, whole = limits
+    junctions = classified(blocks, room)
+    parts = [(run.first, run.last, run.part) for run in runs if run.part is not None]
+    for first, last, _ in parts:
+        junctions.kind[first : last - 1], junctions.size[first : last - 1] = Junction.SMOOTH, 0.0
     reasons: dict[int, str] = {}
     tubes: list[Fitted] = []
     todo = _stretches(blocks, junctions)[::-1]
-    feed = np.where(blocks.rapid | blocks.angular, blocks.feed, np.minimum(blocks.feed, limits.feed))
+    feed = np.where(blocks.rapid | blocks.angular, blocks.feed, np.minimum(blocks.feed, shaped.feed))
     while todo:
         stretch = todo.pop()
         narrowed = replace(stretch, tolerance=share * stretch.tolerance)
-        fitted = replace(fit(narrowed, blocks.programmed, limits, feed), tolerance=stretch.tolerance)
+        fitted = replace(fit(narrowed, blocks.programmed, shaped, feed), tolerance=stretch.tolerance)
         if fitted.deviation <= narrowed.tolerance:
             tubes.append(fitted)
             continue
@@ -193,7 +217,9 @@ def _build(blocks: MovingBlocks, limits: Limits, share: float, room: FloatArray 
             f"the tube would leave the tolerance by {1e3 * (fitted.deviation - narrowed.tolerance):.3g} um"
         )
         todo += _stretches(blocks, junctions, stretch.start, stretch.end)[::-1]
-    return _Built(*_assemble(blocks, junctions, tubes), junctions, tubes, reasons)
+    curve, u_edges, s_edges = _assemble(blocks, junctions, tubes)
+    placed = Placed(curve, u_edges, s_edges, np.interp(blocks.programmed.edges, s_edges, u_edges))
+    return _Built(spliced(placed, blocks, parts, whole), junctions, tubes, reasons, runs)
 
 
 def _within(s: FloatArray, stretch: Stretch) -> NDArray[np.bool_]:
@@ -329,9 +355,30 @@ def _inside(s: FloatArray, lo: FloatArray, hi: FloatArray) -> NDArray[np.intp]:
 
 def _measure(absorbed: Absorbed, built: _Built, written: Written) -> tuple[Deviation, float]:
     """The largest deviation of the path, and the largest against its tolerance."""
+    placed = built.placed
     places = places_of(absorbed.edges, absorbed.own, built.junctions, built.tubes)
     widest = widest_piece(built.junctions, built.tubes)
-    return largest_deviation(built.curve, built.u_edges, built.s_edges, written, places, widest)
+    for run in built.runs:
+        places += _places_of_run(absorbed, run)
+        widest = max(widest, 0.0 if run.part is None else float(np.diff(run.part.abscissa).max()))
+    return largest_deviation(placed.curve, placed.u_edges, placed.s_edges, written, places, widest)
+
+
+def _measure_run(absorbed: Absorbed, built: _Built, written: Written, run: FoundRun) -> float:
+    """The largest deviation of a run against its tolerance."""
+    placed, places = built.placed, _places_of_run(absorbed, run)
+    if run.part is None or not places:
+        return 0.0
+    widest = float(np.diff(run.part.abscissa).max())
+    return largest_deviation(placed.curve, placed.u_edges, placed.s_edges, written, places, widest)[1]
+
+
+def _places_of_run(absorbed: Absorbed, run: FoundRun) -> list[LinePlace]:
+    """Where a run that was found jointly lies, block by block, and the tolerance there."""
+    if run.part is None or run.exact:
+        return []
+    some = range(run.first, run.last)
+    return [(float(absorbed.edges[k]), float(absorbed.edges[k + 1]), float(absorbed.own[k])) for k in some]
 
 
 def places_of(edges: FloatArray, own: FloatArray, junctions: Junctions, tubes: list[Fitted]) -> list[LinePlace]:
@@ -357,16 +404,17 @@ def _report(
 ) -> ProgramPath:
     """Collect what belongs to a path: of the given blocks, what was absorbed, and the blocks that are left."""
     given, absorbed, blocks = made
-    edges, junctions = given.programmed.edges, built.junctions
+    edges, junctions, placed = given.programmed.edges, built.junctions, built.placed
     line = program.line[given.row]
     at = int(np.clip(np.searchsorted(edges, found.abscissa, side="right") - 1, 0, line.size - 1))
-    u = np.interp(blocks.programmed.edges, built.s_edges, built.u_edges)
     stops = tuple(
-        Stop(float(u[k + 1]), int(absorbed.program.line[k]), _reason(blocks, junctions, built.reasons, int(k)))
+        Stop(
+            float(placed.ends[k + 1]), int(absorbed.program.line[k]), _reason(blocks, junctions, built.reasons, int(k))
+        )
         for k in np.flatnonzero(junctions.kind == Junction.STOP)
     )
-    caps = caps_of_blocks(u, blocks.feed, blocks.angular)
-    u = np.interp(absorbed.place, built.s_edges, built.u_edges)
+    caps = caps_of_blocks(placed.ends, blocks.feed, blocks.angular)
+    u = placed.at(absorbed.place)
     counts = {
         "blocks": line.size,
         "absorbed": absorbed.count,
@@ -376,12 +424,14 @@ def _report(
         "passes": max([0, *(tube.passes for tube in built.tubes)]),
         "iterations": sum(tube.iterations for tube in built.tubes),
         "stops": len(stops),
+        "runs": len(built.runs),
+        "joint": sum(run.part is not None for run in built.runs),
     }
     intervals = _INTERVALS_PER_CORNER * counts["corners"] + _INTERVALS_PER_KNOT * counts["knots"]
     for array in (line, u):
         array.setflags(write=False)
     return ProgramPath(
-        curve=replace(built.curve, feed_caps=caps),
+        curve=replace(placed.curve, feed_caps=caps),
         line=line,
         u=u,
         rapid=given.rapid,
@@ -415,6 +465,7 @@ def _notes(absorbed: Absorbed, blocks: MovingBlocks, built: _Built) -> tuple[str
             f"the blocks carry rounding or noise of about {1e3 * amplitude:.3g} um; a tolerance of {1e3 * least:.3g} um "
             f"follows it, one of {_NOISE_FACTOR * 1e3 * amplitude:.3g} um or more would smooth it away"
         )
+    notes += separate_notes(built.runs, program.line)
     notes += [
         f"exact stop after line {program.line[blocks.row[k]]}: {reason}" for k, reason in sorted(built.reasons.items())
     ]

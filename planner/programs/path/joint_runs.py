@@ -1,0 +1,261 @@
+"""Which stretches of a program are found jointly, path and feed as one problem, and why the others are not.
+
+A run goes from one exact stop to the next: one that the program demands, one beside a rapid, where the tool turns back,
+where the feed begins to be measured along other axes at quite another rate, and where blocks without a tolerance begin or
+end.  Each is a problem of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from planner.errors import SolverError
+from planner.geometry.chain import Kind
+from planner.geometry.curve import AXES
+from planner.geometry.differential import dot
+from planner.joint.joint_run import JointMotion, JointRun
+from planner.joint.solve import solve_run
+from planner.machine.limits import Limits
+from planner.programs.path.corners import Junction, Junctions, classify
+from planner.programs.path.joint_pieces import JointPart, feet, pieces_of
+from planner.programs.path.moves import MovingBlocks
+from planner.programs.reading.program import FEED_GROUPS
+from planner.quantity import AXIS
+from planner.types import FloatArray, IntArray
+
+_MAX_BLOCKS = 20_000  # of a run: bounds the memory of its solver
+_MAX_SLOWED = 5e-3  # a motion that exceeds its limits by more in time is none
+_LOOKED_AT = 12  # of a piece, at which its distance from the block is
+_TRIES, _NARROWER = 4, 0.998
+_SHOWN = 4  # runs in a note
+_POINTS, _NEWTON_STEPS = 6, 3  # of a piece, at which its feed is looked at
+
+
+@dataclass(frozen=True, eq=False)
+class FoundRun:
+    """A run and what was found for it.
+
+    Attributes
+    ----------
+    first, last : int
+        Its blocks, from the first on to before the last.
+    part : JointPart or None
+        None where it is made separately.
+    reason : str
+        Why it is; empty where it was found jointly.
+    """
+
+    first: int
+    last: int
+    part: JointPart | None
+    reason: str = ""
+
+    @property
+    def exact(self) -> bool:
+        """It is the program itself: a single line."""
+        return self.part is not None and self.last == self.first + 1 and self.part.kind.tolist() == [Kind.LEG]
+
+
+def find_runs(blocks: MovingBlocks, junctions: Junctions, limits: Limits) -> list[FoundRun]:
+    """Cut the blocks at their exact stops, and find the path and the feed of every run that allows it.
+
+    Parameters
+    ----------
+    blocks : MovingBlocks
+    junctions : Junctions
+        What these become where the path is made separately.
+    limits : Limits
+        Of the axes of the blocks, whole: with chord error and period.
+    """
+    allowed = np.minimum(blocks.tolerance[:-1], blocks.tolerance[1:])
+    stop = blocks.stop | ((junctions.kind == Junction.STOP) & (allowed <= 0.0))
+    cuts = np.concatenate([[0], np.flatnonzero(stop) + 1, [blocks.row.size]])
+    machine = _reason_of_machine(limits)
+    return [_found(blocks, limits, int(first), int(last), machine) for first, last in pairwise(cuts)]
+
+
+def _found(blocks: MovingBlocks, limits: Limits, first: int, last: int, machine: str) -> FoundRun:
+    reason = machine or _reason_of_blocks(blocks, first, last)
+    if reason:
+        return FoundRun(first, last, None, reason)
+    try:
+        run = _run_of(blocks, limits, first, last)
+        motion = _within_limits(blocks, first, limits, run, _within_tolerance(run))
+        return FoundRun(first, last, pieces_of(run, motion))
+    except SolverError as error:
+        return FoundRun(first, last, None, str(error))
+
+
+def classified(blocks: MovingBlocks, room: FloatArray | None) -> Junctions:
+    """What the junctions of the blocks become where the path is made separately; ``room`` is what the corners may use."""
+    return classify(blocks.programmed, blocks.tolerance, blocks.stop, room, blocks.apart)
+
+
+def separate_notes(runs: list[FoundRun], line: IntArray) -> list[str]:
+    """Say which runs are made separately, and why; ``line`` are the numbers of the blocks' lines."""
+    reasons: dict[str, list[FoundRun]] = {}
+    for run in runs:
+        if run.part is None:
+            reasons.setdefault(run.reason, []).append(run)
+    notes = []
+    for reason, some in reasons.items():
+        if len(some) == len(runs):
+            which = "the path is"
+        else:
+            shown = ", ".join(f"{line[run.first]} to {line[run.last - 1]}" for run in some[:_SHOWN])
+            which = f"lines {shown}{', ...' if len(some) > _SHOWN else ''} are"
+        notes.append(f"{which} made separately from the feed: {reason}")
+    return notes
+
+
+def left_out(runs: list[FoundRun], measure: Callable[[FoundRun], float]) -> list[FoundRun]:
+    """Leave out what is beyond its tolerance, of which ``measure`` tells the share; the same list where nothing is."""
+    shares = [0.0 if run.part is None else measure(run) for run in runs]
+    if max(shares, default=0.0) <= 1.0:
+        return runs
+    return [
+        run
+        if share <= 1.0
+        else replace(run, part=None, reason=f"it would leave the tolerance by {share - 1.0:.2g} of it")
+        for run, share in zip(runs, shares, strict=True)
+    ]
+
+
+def _reason_of_machine(limits: Limits) -> str:
+    """Why no run of a program is found jointly on a machine, if it is so."""
+    free = [axis for axis, jerk in zip(limits.axes, limits.jerk, strict=True) if not np.isfinite(jerk)]
+    if free:
+        return f"the jerk of {', '.join(free)} has no limit"
+    if np.isfinite(limits.tangential_acceleration) or np.isfinite(limits.tangential_jerk):
+        return "the acceleration or the jerk along the path has a limit of its own"
+    return ""
+
+
+def _reason_of_blocks(blocks: MovingBlocks, first: int, last: int) -> str:
+    """Why a run is not found jointly, if it is so."""
+    legs = blocks.programmed.legs
+    if legs.ways is not None and (legs.ways[first:last, 0] >= 0.0).any():
+        return "it has splines"
+    if blocks.apart[first : last - 1].any():
+        return "its feed is measured along other axes from some block on"
+    if (blocks.tolerance[first:last] <= 0.0).any() and last - first > 1:
+        return "it has no tolerance"
+    if last - first > _MAX_BLOCKS:
+        return f"it has {last - first} blocks, more than {_MAX_BLOCKS}"
+    return ""
+
+
+def _run_of(blocks: MovingBlocks, limits: Limits, first: int, last: int) -> JointRun:
+    """The run as the solver takes it: mm and degrees."""
+    scale = blocks.used.scale
+    rows = {q.key: getattr(limits, q.key) * scale for q in AXIS}
+    some = np.arange(first, last)
+    lengths = np.diff(blocks.programmed.edges[first : last + 1])
+    tolerance = blocks.tolerance[first:last]
+    return JointRun(
+        blocks.programmed.legs.taken(some),
+        lengths,
+        # A single line without a tolerance is taken exactly, whatever it is given.
+        np.where(tolerance > 0.0, tolerance, 1e-3 * lengths),
+        _caps(blocks, limits)[first:last] * _per_feed(blocks)[first:last],
+        **rows,
+        bend=8.0 * limits.chord_error / limits.period**2,
+    )
+
+
+def _caps(blocks: MovingBlocks, limits: Limits) -> FloatArray:
+    """Largest feed of every block, as the program measures it."""
+    under = np.where(np.isinf(blocks.feed), limits.rapid, np.minimum(blocks.feed, limits.feed))
+    return np.where(blocks.angular, blocks.feed, under)
+
+
+def _per_feed(blocks: MovingBlocks) -> FloatArray:
+    return np.broadcast_to(np.asarray(blocks.programmed.per_feed, dtype=np.float64), (blocks.row.size,))
+
+
+def _within_tolerance(run: JointRun) -> JointMotion:
+    """Solve, in blocks that the motion leaves by more than their tolerance again with less of it."""
+    allowed = run.tolerance
+    for _ in range(_TRIES):
+        motion = solve_run(replace(run, tolerance=allowed))
+        used = _shares(run, motion)
+        if used.max() <= 1.0:
+            return motion
+        allowed = np.where(used > 1.0, allowed * _NARROWER / used, allowed)
+    raise SolverError(f"the motion found leaves the tolerance by {used.max() - 1.0:.2g} of it")
+
+
+def _shares(run: JointRun, motion: JointMotion) -> FloatArray:
+    """Largest distance of the motion from each block against its tolerance, (n,): of points, and parabolas through three."""
+    inner = np.arange(_LOOKED_AT + 1) / _LOOKED_AT
+    h = np.diff(motion.t)[:, None] * inner
+    parts = (motion.position, motion.velocity, 0.5 * motion.acceleration)
+    p, v, a = (part[:-1, None] for part in parts)
+    x = h[..., None]
+    points = p + x * (v + x * (a + x * (motion.jerk[:, None] / 6.0)))
+    leg = np.repeat(motion.leg, inner.size)
+    begins = motion.t[np.flatnonzero(np.diff(motion.leg, prepend=-1, append=-1))]
+    share = ((motion.t[:-1, None] + h).reshape(-1) - begins[leg]) / np.diff(begins)[leg]
+    away = feet(run, leg, points.reshape(-1, run.dim), share)[1].reshape(h.shape) ** 2
+    before, middle, after = away[:, :-2], away[:, 1:-1], away[:, 2:]
+    bend = np.maximum(2.0 * middle - before - after, 1e-300)
+    top = middle + np.where((middle > before) & (middle > after), (after - before) ** 2 / (8.0 * bend), 0.0)
+    largest = np.maximum(np.maximum(away[:, 0], away[:, -1]), top.max(axis=1))
+    used = np.zeros(run.lengths.size)
+    np.maximum.at(used, motion.leg, np.sqrt(largest) / run.tolerance[motion.leg])
+    return used
+
+
+def _within_limits(blocks: MovingBlocks, first: int, limits: Limits, run: JointRun, motion: JointMotion) -> JointMotion:
+    """Slow a motion down by what it exceeds of its limits between the points that the solver looks at.
+
+    Velocities are largest at nodes or where the acceleration is 0, accelerations at nodes; jerks are constant.
+    """
+    velocity = np.maximum(np.abs(motion.velocity[:-1]), np.abs(motion.velocity[1:]))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        h = -motion.acceleration[:-1] / motion.jerk
+    inside = (h > 0.0) & (h < np.diff(motion.t)[:, None])
+    peak = np.abs(motion.velocity[:-1] + 0.5 * motion.acceleration[:-1] * np.where(inside, h, 0.0))
+    velocity = np.where(inside, np.maximum(velocity, peak), velocity)
+    feed = _feed(blocks, first, motion)
+    cap = _caps(blocks, limits)[first + motion.leg]
+    bend = np.sqrt(dot(motion.acceleration, motion.acceleration))
+    acceleration = max(float((np.abs(motion.acceleration) / run.acceleration).max()), float(bend.max()) / run.bend)
+    jerk = float((np.abs(motion.jerk) / run.jerk).max())
+    speed = max(float((velocity / run.velocity).max()), float((feed / cap).max()))
+    excess = max(1.0, speed, float(np.sqrt(acceleration)), float(np.cbrt(jerk)))
+    if excess > 1.0 + _MAX_SLOWED:
+        raise SolverError(f"the motion found exceeds its limits by {100.0 * (excess - 1.0):.2g} % in time")
+    return replace(
+        motion,
+        t=motion.t * excess,
+        velocity=motion.velocity / excess,
+        acceleration=motion.acceleration / excess**2,
+        jerk=motion.jerk / excess**3,
+    )
+
+
+def _feed(blocks: MovingBlocks, first: int, motion: JointMotion) -> FloatArray:
+    """Largest feed on every piece as the program measures it, (m,): the highest of some points, and Newton from there."""
+    counted = [name in AXES[FEED_GROUPS[int(blocks.group[first])]] for name in blocks.axes]
+    v, a, j = motion.velocity[:-1, counted], motion.acceleration[:-1, counted], motion.jerk[:, counted]
+    step = np.diff(motion.t)
+
+    def motion_at(h: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return v + h[:, None] * (a + 0.5 * h[:, None] * j), a + h[:, None] * j
+
+    places = [step * (k / _POINTS) for k in range(_POINTS + 1)]
+    squares = np.stack([np.sum(motion_at(h)[0] ** 2, axis=1) for h in places])
+    highest = np.argmax(squares, axis=0)
+    largest, h = squares.max(axis=0), np.stack(places)[highest, np.arange(step.size)]
+    for _ in range(_NEWTON_STEPS):
+        velocity, acceleration = motion_at(h)
+        rise = np.sum(velocity * acceleration, axis=1)
+        bend = np.sum(acceleration**2 + velocity * j, axis=1)
+        h = np.clip(np.where(bend < 0.0, h - rise / np.where(bend < 0.0, bend, -1.0), h), 0.0, step)
+        largest = np.maximum(largest, np.sum(motion_at(h)[0] ** 2, axis=1))
+    return np.asarray(np.sqrt(largest))

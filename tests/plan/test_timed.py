@@ -1,0 +1,95 @@
+"""A feed that was found with its path is taken under the limits it was found for, and under no others."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from cases import drives
+from program_blocks import line, program
+
+from planner import InputError, certify, check, plan_feedrate
+from planner.law import TimeLaw, Timing
+from planner.programs.path.smooth_path import program_path
+
+LIMITS = drives(dim=3, axes=("X", "Y", "Z"))
+TWO_RUNS = program(line(10, 0), line(10, 10), line(20, 10, stop=True), line(20, 20), line(30, 20), tolerance=0.02)
+
+
+@cache
+def given():
+    path = program_path(TWO_RUNS, None, LIMITS)
+    assert path.counts["joint"] == 2
+    return path.curve, LIMITS.for_curve(path.curve)
+
+
+@cache
+def taken():
+    return plan_feedrate(*given())
+
+
+def is_taken(profile, law):
+    """The rows between its ends are those of the law."""
+    inside = (profile.u > law.u[0]) & (profile.u < law.u[-1])
+    return profile.u[inside].tolist() == law.u[(law.u > law.u[0]) & (law.u < law.u[-1])].tolist()
+
+
+def test_it_is_taken_under_its_limits():
+    curve, limits = given()
+    profile = taken()
+    laws = curve.timing.laws
+    assert len(laws) == 2
+    assert profile.duration == pytest.approx(sum(law.duration for law in laws), rel=1e-6)
+    assert profile.duration > sum(law.duration for law in laws)
+    assert profile.work.sections == 2
+    assert all(is_taken(profile, law) for law in laws)
+    assert check(curve, limits, profile).ok
+    assert 0.0 < profile.lower_bound <= profile.duration
+
+
+def test_other_limits_plan_the_path_anew():
+    curve, limits = given()
+    slower = limits.with_feed(40.0)
+    profile = plan_feedrate(curve, slower)
+    assert check(curve, slower, profile).ok
+    assert profile.feed.max() <= 40.0 * (1.0 + 1e-6)
+    assert profile.duration > taken().duration
+
+
+@pytest.mark.parametrize("options", [{"method": "toppra"}, {"method": "scurve"}, {"intervals": 400}])
+def test_what_asks_for_another_solver_gets_it(options):
+    curve, limits = given()
+    profile = plan_feedrate(curve, limits, **options)
+    assert not any(is_taken(profile, law) for law in curve.timing.laws)
+    assert profile.method == options.get("method", "optimal")
+
+
+def test_the_feed_along_the_path_is_near_the_optimum_of_that_path():
+    curve, limits = given()
+    anew = plan_feedrate(curve, limits, intervals=3000)
+    assert check(curve, limits, anew).ok
+    assert taken().duration == pytest.approx(anew.duration, rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("options", "named"),
+    [({"start_feed": 20.0}, "start_feed = 20 mm/s"), ({"end_feed": 5.0}, "end_feed = 5 mm/s")],
+)
+def test_a_feed_at_an_end_that_was_found_at_rest_is_refused(options, named):
+    curve, limits = given()
+    with pytest.raises(InputError, match=f'{named}.*found together with its feed.*path = "separate"'):
+        plan_feedrate(curve, limits, **options)
+
+
+def test_a_bound_of_the_path_is_below_the_plan():
+    curve, limits = given()
+    bound = certify(curve, limits, taken())
+    assert 0.9 * taken().duration < float(bound) <= taken().duration * (1.0 + 1e-6)
+
+
+def test_stretches_are_known_by_their_ends():
+    law = TimeLaw(*(np.array(column) for column in ([0.0, 1.0], [2.0, 3.0], [0.0, 0.0], [0.0, 0.0])))
+    timing = Timing((law,), "limits")
+    assert timing.between(2.0, 3.0) is law
+    assert timing.between(2.0, 4.0) is None
+    assert timing.between(1.0, 3.0) is None
+    assert [timing.covers(u) for u in (1.0, 2.0, 2.5, 3.0, 9.0)] == [False, False, True, False, False]

@@ -1,0 +1,170 @@
+"""Runs whose path and feed are found as one: cut at stops, within limits and tolerance, faster; and why others are not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from cases import drives
+from program_blocks import line, polyline, program, rapid
+
+from planner import check, plan_feedrate
+from planner.errors import SolverError
+from planner.geometry.chain import Kind
+from planner.programs.path import joint_runs
+from planner.programs.path.joint_runs import find_runs
+from planner.programs.path.moves import MovingBlocks
+from planner.programs.path.smooth_path import program_path
+
+AXES = ("X", "Y", "Z")
+LIMITS = drives(dim=3, axes=AXES)
+SQUARE = [[0, 0], [12, 0], [12, 12], [0, 12], [0, 24]]
+
+
+def runs_of(source, limits=LIMITS):
+    blocks = MovingBlocks.of(source, None)
+    junctions = joint_runs.classified(blocks, None)
+    return find_runs(blocks, junctions, limits.for_axes(blocks.axes, "the program"))
+
+
+def planned(source, limits=LIMITS, tolerance=0.02, **options):
+    path = program_path(source, tolerance, limits, **options)
+    own = limits.for_curve(path.curve)
+    profile = plan_feedrate(path.curve, own)
+    report = check(path.curve, own, profile)
+    assert report.ok, str(report)
+    return path, profile
+
+
+def test_a_run_of_lines_is_faster_within_limits_and_tolerance():
+    path, profile = planned(polyline(SQUARE))
+    other, slower = planned(polyline(SQUARE), path="separate")
+    assert path.counts["runs"] == path.counts["joint"] == 1
+    assert other.counts["joint"] == 0
+    assert profile.duration < 0.98 * slower.duration
+    assert 0.5 < path.deviation_share <= 1.0
+    assert path.stops == ()
+    assert not path.notes
+
+
+def test_runs_are_cut_at_the_stops_that_are_demanded():
+    moves = [line(5, 0), line(5, 5, stop=True), line(0, 5), rapid(0, 30), line(9, 30), line(9, 40)]
+    assert [(run.first, run.last) for run in runs_of(program(*moves))] == [(0, 2), (2, 3), (3, 4), (4, 6)]
+    path, profile = planned(program(*moves))
+    assert [stop.line for stop in path.stops] == [2, 3, 4]
+    at_rest = np.unique(profile.u[profile.u_rate == 0.0])
+    assert at_rest == pytest.approx([0.0, *(stop.u for stop in path.stops), path.curve.domain[1]])
+    # what is demanded is exact
+    for stop, point in zip(path.stops, [(5, 5), (0, 5), (0, 30)], strict=True):
+        assert path.curve.derivatives(stop.u, 0)[0, :2] == pytest.approx(point, abs=1e-12)
+
+
+def test_single_lines_are_legs_also_without_a_tolerance():
+    moves = [line(5, 0, tolerance=0.0), line(5, 5, tolerance=0.0), rapid(0, 5)]
+    path, profile = planned(program(*moves), tolerance=None)
+    assert path.counts["joint"] == 3
+    assert (path.curve.kind == Kind.LEG).all()
+    assert path.curve.kind.size == 3
+    assert path.deviation.largest == 0.0
+    _, other = planned(program(*moves), tolerance=None, path="separate")
+    assert profile.duration <= other.duration * (1.0 + 1e-6)
+
+
+@pytest.mark.parametrize(
+    ("limits", "reason"),
+    [
+        (LIMITS.without_jerk(), "the jerk of X, Y has no limit"),
+        (LIMITS._replace(tangential_jerk=1e4), "along the path has a limit"),
+        (LIMITS._replace(tangential_acceleration=5e2), "along the path has a limit"),
+    ],
+)
+def test_what_a_machine_does_not_allow_is_told(limits, reason):
+    (run,) = runs_of(polyline(SQUARE), limits)
+    assert run.part is None
+    assert reason in run.reason
+    path, _ = planned(polyline(SQUARE), limits)
+    assert path.counts["joint"] == 0
+    assert [note for note in path.notes if reason in note and "made separately" in note]
+
+
+def test_blocks_without_a_tolerance_are_made_separately():
+    moves = [line(5, 0, tolerance=0.0), line(10, 0, tolerance=0.0), line(10, 10)]
+    found = runs_of(program(*moves))
+    assert [(run.first, run.last, run.part is None) for run in found] == [(0, 2, True), (2, 3, False)]
+    assert "no tolerance" in found[0].reason
+
+
+def test_a_solver_that_gives_up_leaves_the_run_to_the_separate_path(monkeypatch):
+    def refuses(run):
+        raise SolverError("it gives up")
+
+    monkeypatch.setattr(joint_runs, "solve_run", refuses)
+    path, profile = planned(polyline(SQUARE))
+    _, other = planned(polyline(SQUARE), path="separate")
+    assert profile.duration == other.duration
+    assert [note for note in path.notes if "it gives up" in note and "the path is made separately" in note]
+
+
+@pytest.mark.parametrize(("factor", "joint"), [(1.001, 1), (1.05, 0)])
+def test_what_exceeds_its_limits_is_slowed_down_or_left_out(monkeypatch, factor, joint):
+    solve = joint_runs.solve_run
+
+    def hurried(run):
+        motion = solve(run)
+        return replace(
+            motion,
+            t=motion.t / factor,
+            velocity=motion.velocity * factor,
+            acceleration=motion.acceleration * factor**2,
+            jerk=motion.jerk * factor**3,
+        )
+
+    expected = planned(polyline(SQUARE))[1].duration
+    monkeypatch.setattr(joint_runs, "solve_run", hurried)
+    path, profile = planned(polyline(SQUARE))
+    assert path.counts["joint"] == joint
+    if joint:
+        assert profile.duration == pytest.approx(expected, rel=1e-5)
+
+
+def test_what_leaves_the_tolerance_is_solved_again_with_less(monkeypatch):
+    solve = joint_runs.solve_run
+    monkeypatch.setattr(joint_runs, "solve_run", lambda run: solve(replace(run, tolerance=1.5 * run.tolerance)))
+    path, _ = planned(polyline(SQUARE))
+    assert path.counts["joint"] == 1
+    assert 0.5 < path.deviation_share <= 1.0
+
+
+@pytest.mark.parametrize(("wider", "joint"), [(1.5, 0), (0.7, 1)])
+def test_what_leaves_the_tolerance_is_left_out(monkeypatch, wider, joint):
+    solve = joint_runs.solve_run
+    monkeypatch.setattr(joint_runs, "_shares", lambda run, motion: np.zeros(run.lengths.size))
+    monkeypatch.setattr(joint_runs, "solve_run", lambda run: solve(replace(run, tolerance=wider * run.tolerance)))
+    moves = [*(line(x, y) for x, y in SQUARE[1:]), rapid(0, 40), line(5, 40), line(5, 45, feed=50.0)]
+    path, _ = planned(program(*moves))
+    assert path.deviation_share <= 1.0
+    assert path.counts["joint"] == 1 + 2 * joint
+    assert bool(path.notes) != bool(joint)
+
+
+def test_the_feed_of_each_block_is_kept_and_changes_at_its_end():
+    path, profile = planned(program(line(20, 0, feed=80.0), line(20, 20, feed=20.0), line(40, 20, feed=60.0)))
+    assert path.counts["joint"] == 1
+    for k, feed in enumerate([80.0, 20.0, 60.0]):
+        inside = (profile.u > path.u[k]) & (profile.u < path.u[k + 1])
+        assert 0.9 * feed < profile.feed[inside].max() <= feed * (1.0 + 1e-6)
+
+
+def test_each_block_keeps_its_own_tolerance():
+    wide, narrow = 0.05, 0.005
+    moves = [
+        line(10, 0, tolerance=wide),
+        line(10, 10, tolerance=wide),
+        line(20, 10, tolerance=narrow),
+        line(20, 20, tolerance=wide),
+    ]
+    path, _ = planned(program(*moves), tolerance=None)
+    assert path.counts["joint"] == 1
+    assert path.deviation_share <= 1.0
+    third = np.linspace(path.u[2], path.u[3], 2000)
+    assert np.abs(path.curve.derivatives(third, 0)[0][:, 1] - 10.0).max() <= narrow * (1.0 + 1e-9)
+    assert path.deviation.largest > 2.0 * narrow
