@@ -17,12 +17,22 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from feedplan.sources import DrawingChoice, SourceCurve, is_program, plain_curve, program_curve, tolerance_of_table
+from feedplan.sources import (
+    DrawingChoice,
+    SourceCurve,
+    is_program,
+    path_for,
+    plain_curve,
+    program_curve,
+    require_no_path_choice,
+    tolerance_of_table,
+)
 from planner.errors import InputError
 
 if TYPE_CHECKING:
     from feedplan.verdict import Verdict
     from planner.geometry.curve import Curve
+    from planner.geometry.tolerance import PathKind
     from planner.machine.limits import Limits
     from planner.machine.machine_table import Machine
     from planner.output.ngc import FeedMode, WrittenProgram
@@ -217,6 +227,7 @@ def plan_and_check(
     feed: float | None = None,
     period: float | None = None,
     tolerance: float | None = None,
+    path: PathKind | None = None,
     bound: bool = True,
     progress: Progress = _silent,
     **options: Any,
@@ -225,7 +236,7 @@ def plan_and_check(
 
     Parameters
     ----------
-    source, machine, complete, scale, layer, chain, feed, period, tolerance
+    source, machine, complete, scale, layer, chain, feed, period, tolerance, path
         As for :func:`load_job`.
     bound, progress, options
         As for :meth:`Job.run`; options are those of :func:`planner.plan_feedrate`: ``method``, ``start_feed``,
@@ -258,6 +269,7 @@ def plan_and_check(
         feed=feed,
         period=period,
         tolerance=tolerance,
+        path=path_for(source, path, options),
     )
     return job.run(progress, bound=bound, **options)
 
@@ -277,6 +289,7 @@ def load_job(
     tools: str | Path | None = None,
     ignore: Sequence[str] = (),
     reader: str = "feedplan",
+    path: PathKind | None = None,
     notice: Callable[[str], None] | None = None,
 ) -> Job:
     """Load a curve, or a part program as a path, and the limits of a machine.
@@ -307,6 +320,8 @@ def load_job(
         Words of a part program to pass over, as :func:`planner.read_program` does.
     reader : str
         Who reads a part program: "feedplan", or "rs274" for an installed LinuxCNC.
+    path : {"joint", "separate"}, optional
+        Whether the path of a part program is found together with its feed, which is the default, or before it.
     notice : callable, optional
         Is told what is no error and yet worth knowing.
 
@@ -327,12 +342,13 @@ def load_job(
         return Job.of(
             program_curve(
                 source, scale, limits, tolerance, share, notice,
-                tools=tools, ignore=ignore, reader=reader, setup=found.setup,
+                tools=tools, ignore=ignore, reader=reader, setup=found.setup, path=path or "joint",
             ),
             limits,
             named,
         )  # fmt: skip
     require_no_program_options(source, tools, ignore)
+    require_no_path_choice(source, path)
     made = plain_curve(source, scale, tolerance, share, choice)
     example = "five-axis" if ROTARY_AXES & set(made.curve.axes) else "mill"
     found, named = load_machine(machine, example, complete=complete)
@@ -370,10 +386,12 @@ def load_job_of_table(
     ignore: Sequence[str] = (),
     reader: str = "feedplan",
     setup: str | Path | None = None,
+    path: PathKind | None = None,
 ) -> Job:
     """Load the curve a table was planned for, and the limits of a machine; without one, those in the table's header.
 
-    The path of a part program depends on the limits it was made for and on the tolerance: both stand in the header.  It
+    The path of a part program depends on the limits it was made for, on the tolerance, and on how it was made: all stand in
+    the header.  It
     depends too on the homes and offsets of the machine: these are those of the file ``setup``, or where that is left out of
     ``machine``.  Other arguments as for :func:`load_job`; the plan itself is read by :func:`planner.read_table`.
     """
@@ -401,10 +419,12 @@ def load_job_of_table(
             ignore=ignore,
             reader=reader,
             setup=None if known is None else known.setup,
+            path=path or said.path,
             widen=not said.machine,
         )
     else:
         require_no_program_options(source, tools, ignore)
+        require_no_path_choice(source, path)
         found = plain_curve(source, scale, tolerance, said.share, choice)
     if on is None:
         if complete:

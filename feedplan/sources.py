@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from planner.errors import InputError
 from planner.geometry.tolerance import DEFAULT_TOLERANCE, POINTS_TOLERANCE_MM
@@ -15,7 +15,7 @@ from planner.programs import SUFFIXES
 
 if TYPE_CHECKING:
     from planner.geometry.curve import Curve
-    from planner.geometry.tolerance import PathTolerance
+    from planner.geometry.tolerance import PathKind, PathTolerance
     from planner.machine.limits import Limits
     from planner.machine.program_setup import ProgramSetup
     from planner.programs.path.smooth_path import ProgramPath
@@ -57,6 +57,18 @@ def is_program(source: str | Path) -> bool:
 def is_points(source: str | Path) -> bool:
     """Whether the name of a curve is that of a file of points."""
     return Path(source).suffix.lower() == ".csv"
+
+
+def require_no_path_choice(source: object, path: PathKind | None) -> None:
+    """Refuse to choose how a path is made where there is none to make."""
+    if path is not None:
+        raise InputError(f"path = {path!r} is for part programs, {', '.join(SUFFIXES)}; {source} is none")
+
+
+def path_for(source: str | Path | Curve, path: PathKind | None, options: Mapping[str, Any]) -> PathKind | None:
+    """How the path of a part program is made for a plan with these options: what is found with its feed begins at rest."""
+    moving = any(options.get(name) for name in ("start_feed", "end_feed", "periodic"))
+    return "separate" if path is None and moving and isinstance(source, str | Path) and is_program(source) else path
 
 
 def require_program(source: str | Path, what: str) -> None:
@@ -130,12 +142,13 @@ def program_curve(
     ignore: Sequence[str] = (),
     reader: str = "feedplan",
     setup: ProgramSetup | None = None,
+    path: PathKind = "joint",
     widen: bool = False,
 ) -> SourceCurve:
     """Make the path of a part program, which takes its share of the tolerance.
 
-    ``notice`` is told of a long one; ``tools``, ``ignore``, ``reader`` and ``setup`` say how it is read.  ``widen``: the
-    limits are those of the axes that move, as a table has them.
+    ``notice`` is told of a long one; ``tools``, ``ignore``, ``reader`` and ``setup`` say how it is read.  ``path``: found with
+    its feed, or before.  ``widen``: the limits are those of the axes that move, as a table has them.
     """
     import numpy as np
 
@@ -150,12 +163,12 @@ def program_curve(
             "feedplan windows plans any number"
         )
     limits = _widened(limits, program.axes) if widen else limits
-    path = path_of(program, limits, tolerance, share)
+    made = path_of(program, limits, tolerance, share, path=path)
     given = given_tolerances(program) if tolerance is None else np.array([tolerance])
     least = float(given[given > 0.0].min(initial=np.inf))
     room = (1.0 - share) * (least if np.isfinite(least) else DEFAULT_TOLERANCE)
-    facts = (("program", program_summary(program, path)), *_said_of_share(share))
-    return SourceCurve(path.curve, room, facts, program, path)
+    facts = (("program", program_summary(program, made)), *_said_of_share(share))
+    return SourceCurve(made.curve, room, facts, program, made)
 
 
 def _said_of_share(share: float) -> Pairs:

@@ -213,6 +213,7 @@ def _curve_facts(curve: Curve) -> dict[str, Any]:
 def program_facts(path: ProgramPath) -> dict[str, Any]:
     """Tolerance and deviation of the path of a part program, and where it stops."""
     return {
+        "path": "joint" if path.counts["joint"] else "separate",
         "tolerance_mm": path.tolerance,
         "deviation_mm": path.deviation.largest,
         "deviation_line": path.deviation_line,

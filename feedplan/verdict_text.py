@@ -95,7 +95,8 @@ def _facts(verdict: Verdict) -> list[str]:
     ]
     if math.isfinite(verdict.gap):
         gap = percent(max(verdict.gap, 0.0) if verdict.holds else verdict.gap, 2)
-        bound = f"{verdict.lower_bound:.6g} s; the gap is at most {gap}"
+        on_path = " on this path" if curve.timing is not None else ""
+        bound = f"{verdict.lower_bound:.6g} s; the gap{on_path} is at most {gap}"
         if verdict.contradicted:
             bound = f"{verdict.lower_bound:.9g} s is {_contradiction(verdict)}"
         elif verdict.gap < 0.0 and not verdict.holds:
@@ -130,7 +131,7 @@ def program_lines(path: ProgramPath) -> list[str]:
         )
     else:
         far = f"none; {_micro(path.tolerance)} allowed" if path.tolerance > 0.0 else "none"
-    found = named("deviation", far)
+    found = named("path", path_made(path)) + named("deviation", far)
     reasons: dict[str, list[int]] = {}
     for stop in path.stops:
         reasons.setdefault(stop.reason, []).append(stop.line)
@@ -138,6 +139,14 @@ def program_lines(path: ProgramPath) -> list[str]:
         shown = ", ".join(map(str, lines[:_LINES_SHOWN])) + (", ..." if len(lines) > _LINES_SHOWN else "")
         found += named("exact stops", f"{len(lines)}, {reason}: after line {shown}")
     return found
+
+
+def path_made(path: ProgramPath) -> str:
+    """How the path of a program was made."""
+    runs, joint = path.counts["runs"], path.counts["joint"]
+    if not joint:
+        return "separate, before its feed"
+    return f"joint, with its feed: {'all' if joint == runs else joint} of {_count(runs, 'run')} from stop to stop"
 
 
 def program_summary(program: Program, path: ProgramPath) -> str:

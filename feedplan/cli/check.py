@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -11,6 +12,9 @@ from feedplan.cli import options
 from feedplan.cli.app import report_verdict
 from feedplan.cli.streams import Streams
 from feedplan.job import load_job_of_table
+
+if TYPE_CHECKING:
+    from planner.geometry.tolerance import PathKind
 
 
 @click.command(epilog="\b\nExample:\n  feedplan check table.csv butterfly-nurbs --machine mill.toml")
@@ -22,6 +26,7 @@ from feedplan.job import load_job_of_table
 @options.setup
 @options.ignore
 @options.reader
+@options.path_of_table
 @options.scale
 @options.layer
 @options.chain
@@ -38,6 +43,7 @@ def check(
     setup: str | None,
     ignore: tuple[str, ...],
     reader: str,
+    path: PathKind | None,
     scale: float,
     layer: str | None,
     chain: int | None,
@@ -64,6 +70,7 @@ def check(
             tools=tools,
             ignore=ignore,
             reader=reader,
+            path=path,
             setup=setup,
             layer=layer,
             chain=chain,

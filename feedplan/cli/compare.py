@@ -17,6 +17,7 @@ from feedplan.cli import options
 from feedplan.cli.app import BROKEN, NO_PLAN, notice, require_apart, require_figure, require_outputs
 from feedplan.cli.streams import Streams
 from feedplan.job import load_job
+from feedplan.sources import is_program
 from planner.errors import InputError
 from planner.files.whole_file import require_writable, whole_file
 
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from feedplan.comparison.judgement import Judgement
     from feedplan.comparison.result import Result
     from planner.geometry.curve import Curve
+    from planner.geometry.tolerance import PathKind
     from planner.machine.limits import Limits
     from planner.output.panels import Panel
     from planner.types import FloatArray
@@ -61,6 +63,7 @@ _FLOOR = 1e-3  # of a limit; less is drawn as this
 @options.commanded_feed
 @options.period
 @options.reader
+@options.path_to_compare
 @click.option("--methods", metavar="A,B,...", help="Names, or their beginnings: algorithm, 2002, 2007, scurve.")
 @click.option("--output", "-o", type=options.FILE, help="Result, .json or .csv.")
 @click.option("--plot", type=options.FILE, help="Figure, .png, .pdf or .svg.")
@@ -80,6 +83,7 @@ def compare(
     feed_mm_s: float | None,
     period_s: float | None,
     reader: str,
+    path: PathKind | None,
     methods: str | None,
     output: Path | None,
     plot: Path | None,
@@ -112,6 +116,7 @@ def compare(
             tools=tools,
             ignore=ignore,
             reader=reader,
+            path="separate" if path is None and is_program(curve) else path,
             layer=layer,
             chain=chain,
             notice=notice,

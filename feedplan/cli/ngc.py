@@ -18,6 +18,7 @@ from planner.files.whole_file import require_writable
 from planner.geometry.tolerance import DEFAULT_TOLERANCE
 
 if TYPE_CHECKING:
+    from planner.geometry.tolerance import PathKind
     from planner.output.ngc import FeedMode
 
 
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
 @options.setup
 @options.ignore
 @options.reader
+@options.path
 @click.option("--inverse-time", is_flag=True, help="G93: F as blocks a minute.")
 @click.option("--block-time-s", type=float, default=0.01, help="Longest time of a block.")
 @options.commanded_feed
@@ -57,6 +59,7 @@ def ngc(
     setup: str | None,
     ignore: tuple[str, ...],
     reader: str,
+    path: PathKind | None,
     inverse_time: bool,
     block_time_s: float,
     feed_mm_s: float | None,
@@ -92,6 +95,7 @@ def ngc(
                 tools=tools,
                 ignore=ignore,
                 reader=reader,
+                path=path,
                 share=PATH_SHARE,
                 notice=notice,
             )
@@ -106,6 +110,7 @@ def ngc(
                     tools=tools,
                     ignore=ignore,
                     reader=reader,
+                    path=path,
                     setup=setup,
                 ),
                 table,

@@ -95,6 +95,21 @@ reader = click.option(
     show_default=True,
     help="Who reads a part program: this, or the interpreter of an installed LinuxCNC.",
 )
+path = click.option(
+    "--path",
+    type=click.Choice(["joint", "separate"]),
+    help="Path of a part program: found with its feed as one problem (joint, the default), or before it.",
+)
+path_to_compare = click.option(
+    "--path",
+    type=click.Choice(["joint", "separate"]),
+    help="Path of a part program: found before its feed (separate, the default), or with that of the optimal plan.",
+)
+path_of_table = click.option(
+    "--path",
+    type=click.Choice(["joint", "separate"]),
+    help="How the path of a part program was made; else as the table says.",
+)
 layer = click.option("--layer", metavar="NAME", help="Layer of a drawing: only what is on it.")
 chain = click.option(
     "--chain", type=int, metavar="N", help="Chain of a drawing that has several; without it they are listed."

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -21,13 +21,14 @@ from feedplan.cli.app import (
 )
 from feedplan.cli.streams import Streams
 from feedplan.job import UNBOUNDED, Job, load_job
-from feedplan.sources import PATH_SHARE, require_program
+from feedplan.sources import PATH_SHARE, path_for, require_program
 from planner.files.formats import ANY_COLUMN_FORMAT
 from planner.files.whole_file import require_writable
 
 if TYPE_CHECKING:
     from feedplan.progress import ProgressLine
     from feedplan.verdict import Verdict
+    from planner.geometry.tolerance import PathKind
 
 _SAMPLES_AT_ONCE = 1_000_000  # bounds the memory that evaluating the plan takes
 
@@ -70,6 +71,7 @@ class MethodName(StrEnum):
 @options.tools
 @options.ignore
 @options.reader
+@options.path
 @click.option("--intervals", type=int, help="Grid intervals; refinement chooses if left out.")
 @click.option("--budget-s", type=float, default=math.inf, help="Time after which to return the best plan so far.")
 @click.option("--output", "-o", type=options.FILE, help=f"Feedrate table, {ANY_COLUMN_FORMAT}.")
@@ -102,6 +104,7 @@ def plan(
     tools: Path | None,
     ignore: tuple[str, ...],
     reader: str,
+    path: PathKind | None,
     intervals: int | None,
     budget_s: float,
     output: Path | None,
@@ -134,6 +137,7 @@ def plan(
         )
         files.require_writable(curve, machine, method)
         share = 1.0 if program is None else PATH_SHARE
+        ends: dict[str, Any] = {"start_feed": start_feed_mm_s, "end_feed": end_feed_mm_s, "periodic": periodic}
         job = load_job(
             curve,
             machine,
@@ -147,6 +151,7 @@ def plan(
             tools=tools,
             ignore=ignore,
             reader=reader,
+            path=path_for(curve, path, ends),
             share=share,
             notice=notice,
         )
@@ -157,9 +162,7 @@ def plan(
                 line,
                 certificate=certificate,
                 method=method.value,
-                start_feed=start_feed_mm_s,
-                end_feed=end_feed_mm_s,
-                periodic=periodic,
+                **ends,
                 budget=budget_s,
                 intervals=intervals,
                 exact_stop=exact_stop,

@@ -14,6 +14,7 @@ from feedplan.job import load_job_of_table
 from planner.files.formats import ANY_COLUMN_FORMAT
 
 if TYPE_CHECKING:
+    from planner.geometry.tolerance import PathKind
     from planner.profile import FeedrateProfile
     from planner.samples import Samples
 
@@ -30,6 +31,7 @@ _SAMPLES_AT_ONCE = 1_000_000  # bounds the memory that evaluating the plan takes
 @options.setup
 @options.ignore
 @options.reader
+@options.path_of_table
 @options.scale
 @options.layer
 @options.chain
@@ -45,6 +47,7 @@ def replay(
     setup: str | None,
     ignore: tuple[str, ...],
     reader: str,
+    path: PathKind | None,
     scale: float,
     layer: str | None,
     chain: int | None,
@@ -73,6 +76,7 @@ def replay(
             tools=tools,
             ignore=ignore,
             reader=reader,
+            path=path,
             setup=setup,
         )
         with ProgressLine() as line:

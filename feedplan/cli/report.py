@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -11,6 +12,9 @@ from feedplan.cli import options
 from feedplan.cli.app import report_verdict
 from feedplan.cli.streams import Streams
 from feedplan.job import load_job_of_table
+
+if TYPE_CHECKING:
+    from planner.geometry.tolerance import PathKind
 
 
 @click.command(
@@ -32,6 +36,7 @@ from feedplan.job import load_job_of_table
 @options.setup
 @options.ignore
 @options.reader
+@options.path_of_table
 @options.as_json
 def report(
     table: Path,
@@ -48,6 +53,7 @@ def report(
     setup: str | None,
     ignore: tuple[str, ...],
     reader: str,
+    path: PathKind | None,
     as_json: bool,
 ) -> None:
     """Write a feedrate table as a page for a browser.
@@ -74,6 +80,7 @@ def report(
             tools=tools,
             ignore=ignore,
             reader=reader,
+            path=path,
             setup=setup,
             layer=layer,
             chain=chain,

@@ -17,6 +17,7 @@ from feedplan.sources import require_program
 from planner.files.formats import ANY_COLUMN_FORMAT
 
 if TYPE_CHECKING:
+    from planner.geometry.tolerance import PathKind
     from planner.profile import FeedrateProfile
     from planner.programs.times import LineTimes
     from planner.verify import Report
@@ -38,6 +39,7 @@ _DIGITS = 4  # behind the point of the seconds that are shown
 @options.tools
 @options.ignore
 @options.reader
+@options.path
 @click.option("--feed-mm-s", type=float, help="Largest feed, in place of the machine's.")
 @click.option("--rows", type=click.IntRange(min=0), default=_ROWS, help="How many of the longest lines to print.")
 @click.option("--output", "-o", type=options.FILE, help=f"Every line, {ANY_COLUMN_FORMAT}.")
@@ -51,6 +53,7 @@ def time(
     tools: Path | None,
     ignore: tuple[str, ...],
     reader: str,
+    path: PathKind | None,
     feed_mm_s: float | None,
     rows: int,
     output: Path | None,
@@ -75,6 +78,7 @@ def time(
             tools=tools,
             ignore=ignore,
             reader=reader,
+            path=path,
             notice=notice,
         )
         from feedplan.progress import ProgressLine

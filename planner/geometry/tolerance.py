@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 DEFAULT_TOLERANCE = 0.01  # mm of a part program, where neither the program nor the caller gives one
 POINTS_TOLERANCE_MM = 1e-3  # of the points of a CSV file
+
+PathKind = Literal["joint", "separate"]
+"""How the path of a part program is made: together with its feed, as one problem, or first and its feed after it."""
 
 
 @dataclass(frozen=True)
@@ -20,8 +24,11 @@ class PathTolerance:
         Part of it that the curve took; the rest is left to a program written from the plan.
     machine : str
         Example machine whose limits weighed the path of a part program; empty where they are those of the plan.
+    path : {"joint", "separate"}
+        Whether it was found together with its feed.
     """
 
     mm: float | None
     share: float = 1.0
     machine: str = ""
+    path: PathKind = "separate"

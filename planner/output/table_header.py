@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+from typing import get_args
 
 import numpy as np
 
 from planner.errors import InputError
 from planner.files.columns import ColumnFile
-from planner.geometry.tolerance import PathTolerance
+from planner.geometry.tolerance import PathKind, PathTolerance
 from planner.inputs import plain_number, shorten
 from planner.machine.machine_file import EXAMPLE_MACHINES
 from planner.origin import Origin
@@ -17,8 +18,9 @@ from planner.status import Status
 _TRUTH = {"yes": True, "no": False}
 # What else a table may say of its curve: how the path was made from a part program or from points.
 _TOLERANCE, _SHARE, _MACHINE, _OWN = "path_tolerance_mm", "path_share", "path_machine", "P words"
+_KIND = "path_kind"
 _SLOWED = "slowed"
-OPTIONAL_KEYS = (_SLOWED, _TOLERANCE, _SHARE, _MACHINE)
+OPTIONAL_KEYS = (_SLOWED, _TOLERANCE, _SHARE, _MACHINE, _KIND)
 # How earlier versions began what they said of the status.
 _STATUS_BEFORE = {
     "slowed down by": "slowed",
@@ -34,12 +36,13 @@ def tolerance_lines(tolerance: PathTolerance | None) -> dict[str, str]:
         return {}
     said = {_TOLERANCE: _OWN if tolerance.mm is None else repr(tolerance.mm)}
     said |= {} if tolerance.share == 1.0 else {_SHARE: repr(tolerance.share)}
-    return said | ({_MACHINE: tolerance.machine} if tolerance.machine else {})
+    said |= {_MACHINE: tolerance.machine} if tolerance.machine else {}
+    return said | ({} if tolerance.path == PathTolerance.path else {_KIND: tolerance.path})
 
 
 def _tolerance(file: ColumnFile) -> PathTolerance | None:
     """Read the tolerance of the curve; None of an exact one's."""
-    if not {_TOLERANCE, _SHARE, _MACHINE} & file.header.keys():
+    if not {_TOLERANCE, _SHARE, _MACHINE, _KIND} & file.header.keys():
         return None
     mm = None if file.header.get(_TOLERANCE, _OWN) == _OWN else number_of(file, _TOLERANCE)
     share = number_of(file, _SHARE) if _SHARE in file.header else 1.0
@@ -53,7 +56,13 @@ def _tolerance(file: ColumnFile) -> PathTolerance | None:
             f'{file.path}: the header says {_MACHINE} = "{shorten(machine)}"; it must be one of '
             f"{', '.join(EXAMPLE_MACHINES)}"
         )
-    return PathTolerance(mm, share, machine)
+    kinds: dict[str, PathKind] = {kind: kind for kind in get_args(PathKind)}
+    kind = file.header.get(_KIND, PathTolerance.path)
+    if kind not in kinds:
+        raise InputError(
+            f'{file.path}: the header says {_KIND} = "{shorten(kind)}"; it must be one of {", ".join(kinds)}'
+        )
+    return PathTolerance(mm, share, machine, kinds[kind])
 
 
 def origin_of(file: ColumnFile) -> Origin:

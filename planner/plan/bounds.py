@@ -100,6 +100,7 @@ def certify(curve: Curve, limits: Limits, profile: FeedrateProfile, *, intervals
         raise InputError(f"intervals = {intervals!r} must lie within [{_MIN_INTERVALS}, {MAX_INTERVALS}]")
     periodic = _is_periodic(curve, profile)
     stops = _stops(profile)
+    _require_rest(profile)
     start, end = (FREE, FREE) if periodic else (end_with(float(feed)) for feed in profile.feed[[0, -1]])
     sections = sections_between(curve, limits, stops, start, end)
     lengths = np.diff([0.0, *np.interp([s.u_end for s in sections], profile.u, profile.t)])
@@ -204,6 +205,17 @@ def _stops(profile: FeedrateProfile) -> dict[float, float]:
     return {float(u): 0.0 for u in union(resting, corners) if u0 < u < u1}
 
 
+def _require_rest(profile: FeedrateProfile) -> None:
+    """Refuse a plan that turns back at a speed of 0: sections begin and end without an acceleration."""
+    inner = (profile.t > 0.0) & (profile.t < profile.duration)
+    turning = np.flatnonzero(inner & (profile.u_rate == 0.0) & (profile.u_acceleration != 0.0))
+    if turning.size and profile.limits is not None and profile.limits.has_jerk:
+        raise SolverError(
+            f"no lower bound of {profile.curve.name}: the plan turns back at u = {profile.u[turning[0]]:.9g} without coming "
+            "to rest, and a bound is the sum of those from rest to rest"
+        )
+
+
 def _is_periodic(curve: Curve, profile: FeedrateProfile) -> bool:
     """The plan passes its end into its start: the curve closes, and feed and acceleration are the same at both."""
     if not profile.feed[0] > 0.0 or profile.origin.periodic is False:
@@ -247,6 +259,10 @@ def statement(curve: Curve, limits: Limits, certificate: Certificate) -> str:
     if stops:
         shown = ", ".join(f"{u:.6g}" for u in stops[:_SHOWN]) + (", ..." if len(stops) > _SHOWN else "")
         parts.append(f"for plans that stop at u = {shown}")
+    if curve.timing is not None:
+        parts.append(
+            "on this path, which was found with its feed; others within its tolerance are no part of the bound"
+        )
     if np.isfinite(limits.chord_error):
         parts.append("the chord error counts as the feed limit of the osculating circle")
     if any(b.is_curvature_jump for b in curve.breaks):

@@ -13,7 +13,7 @@ import numpy as np
 from planner.errors import InputError
 from planner.geometry.catalog import read_curve, require_no_choice
 from planner.geometry.curve import Curve
-from planner.geometry.tolerance import DEFAULT_TOLERANCE, PathTolerance
+from planner.geometry.tolerance import DEFAULT_TOLERANCE, PathKind, PathTolerance
 from planner.inputs import positive_number
 from planner.programs import SUFFIXES
 
@@ -41,6 +41,7 @@ def load_curve(
     reader: str = "feedplan",
     layer: str | None = None,
     chain: int | None = None,
+    path: PathKind | None = None,
 ) -> Curve:
     """Load a curve by its name or from a file.
 
@@ -68,6 +69,9 @@ def load_curve(
         Of a drawing: only what is on it.
     chain : int, optional
         Of a drawing with several chains: its number, from 1 on, in the order of the file.
+    path : {"joint", "separate"}, optional
+        Of a part program: found together with its feed, which is the fastest under ``limits`` and belongs to them, or first.
+        Left out, joint where limits are given.
 
     Returns
     -------
@@ -83,8 +87,8 @@ def load_curve(
     InputError
         If the part program is not one, or an argument is not as it must be or not for such a source.
     """
-    kind = Path(source).suffix.lower() if isinstance(source, str | os.PathLike) else ""
-    if kind in SUFFIXES:
+    suffix = Path(source).suffix.lower() if isinstance(source, str | os.PathLike) else ""
+    if suffix in SUFFIXES:
         require_no_choice(source, layer, chain)
         from planner.machine.machine_file import load_limits
 
@@ -92,14 +96,17 @@ def load_curve(
         tolerance = None if tolerance is None else positive_number(tolerance, "tolerance")
         machine = "" if limits is not None else EXAMPLE
         program = program_of(source, reader, tools=tools, ignore=ignore)
-        path = path_of(program, load_limits(machine) if limits is None else limits, tolerance)
-        return replace(path.curve, made_within=PathTolerance(tolerance, machine=machine))
+        kind = ("separate" if limits is None else "joint") if path is None else path
+        made = path_of(program, load_limits(machine) if limits is None else limits, tolerance, path=kind)
+        return replace(made.curve, made_within=PathTolerance(tolerance, machine=machine, path=kind))
+    if path is not None:
+        raise InputError(f"path = {path!r} is for part programs; {source} is none")
     require_no_program_options(source, tools, ignore)
     if reader != READERS[0]:
         raise InputError(f"reader = {reader!r} is for part programs; {source} is none")
     if tolerance is None:
         return read_curve(source, scale=scale, layer=layer, chain=chain)
-    if kind == ".csv":
+    if suffix == ".csv":
         from planner.geometry.points import read_points
 
         require_no_choice(source, layer, chain)
@@ -141,7 +148,9 @@ def program_of(
     return read_with_linuxcnc(source, tools=setup.tools if tools is None and setup is not None else tools)
 
 
-def path_of(program: Program, limits: Limits, tolerance: float | None, share: float = 1.0) -> ProgramPath:
+def path_of(
+    program: Program, limits: Limits, tolerance: float | None, share: float = 1.0, *, path: PathKind = "joint"
+) -> ProgramPath:
     """Make the path of a part program, which takes a share of the tolerance and the name of the file.
 
     ``tolerance`` in mm stands in place of the program's P words.
@@ -149,11 +158,13 @@ def path_of(program: Program, limits: Limits, tolerance: float | None, share: fl
     from planner.programs.path.smooth_path import program_path
 
     if tolerance is None:
-        path = program_path(replace(program, tolerance=share * given_tolerances(program)), None, limits)
+        own = replace(program, tolerance=share * given_tolerances(program))
+        made = program_path(own, None, limits, path=path)
     else:
-        path = program_path(program, share * tolerance, limits)
-    named: dict[str, Any] = {"name": Path(program.source).name, "made_within": PathTolerance(tolerance, share)}
-    return replace(path, curve=replace(path.curve, **named))
+        made = program_path(program, share * tolerance, limits, path=path)
+    within = PathTolerance(tolerance, share, path=path)
+    named: dict[str, Any] = {"name": Path(program.source).name, "made_within": within}
+    return replace(made, curve=replace(made.curve, **named))
 
 
 def given_tolerances(program: Program) -> np.ndarray[Any, np.dtype[np.float64]]:

@@ -26,6 +26,7 @@ _STRAIGHT = (1e-10, 1e-8)
 _SAME_WAY = 1e-12  # of the cosine
 _NEAR = 1e-6  # of a piece: what rounding leaves of a double root, and what is too short to be one
 _BETWEEN = np.array([0.0, 0.1, 0.3, 0.6])  # of a piece: where the abscissa is looked at
+_EMPTY = 1e-13  # of the duration: a piece that rounding left a length
 _FOOT_PASSES = 6  # of Newton, to the nearest point of a block
 
 
@@ -104,8 +105,9 @@ def pieces_of(run: JointRun, motion: JointMotion) -> JointPart:
 
 def _cut_where_turning(motion: JointMotion) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
     """Nodes of a motion, with those at which it turns back: t, position with two derivatives (3, n, d), jerk, block."""
-    t, jerk, leg = motion.t.copy(), motion.jerk, motion.leg
-    state = np.stack([motion.position, motion.velocity, motion.acceleration])
+    kept = np.append(np.diff(motion.t) > _EMPTY * motion.duration, True)
+    t, jerk, leg = motion.t[kept], motion.jerk[kept[:-1]], motion.leg[kept[:-1]]
+    state = np.stack([motion.position, motion.velocity, motion.acceleration])[:, kept]
     state[1:, [0, -1]] = 0.0  # but for rounding
     straight = _straight(state, jerk, np.diff(t))[0]
     straight[[0, -1]] = False  # from rest, and to it
@@ -119,7 +121,7 @@ def _cut_where_turning(motion: JointMotion) -> tuple[FloatArray, FloatArray, Flo
                 new.append((i, t[i] + h, found))
             else:  # as good as at a node
                 node = i + int(h > 0.5 * step)
-                t[node], state[:, node] = motion.t[i] + h, found
+                t[node], state[:, node] = t[i] + h, found
     if not new:
         return t, state, jerk, leg
     at = np.array([i for i, _, _ in new])

@@ -11,14 +11,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, Literal, get_args
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputError, SolverError
 from planner.geometry.chain import ChainCurve, Kind
-from planner.geometry.tolerance import PathTolerance
+from planner.geometry.tolerance import PathKind, PathTolerance
 from planner.inputs import positive_number, require_instance
 from planner.machine.limits import Limits
 from planner.programs.path import tube_knots as knotting
@@ -47,9 +47,6 @@ _INTERVALS_PER_CORNER, _INTERVALS_PER_KNOT = 110, 4
 MIN_INTERVALS = 1000  # of a plan of a program
 _NOISE_FACTOR = 2.0
 _DEMANDED = "demanded by the program"
-
-PathKind = Literal["joint", "separate"]
-"""How the path of a part program is made: with its feed as one problem, or first and its feed after it."""
 
 
 @dataclass(frozen=True)
@@ -162,7 +159,7 @@ def program_path(program: Program, tolerance: float | None, limits: Limits, *, p
         found, largest = _measure(absorbed, built, written)
         if largest <= 1.0:
             made = _report(program, (given, absorbed, blocks), built, found, largest)
-            return replace(made, curve=replace(made.curve, made_within=PathTolerance(tolerance)))
+            return replace(made, curve=replace(made.curve, made_within=PathTolerance(tolerance, path=path)))
         kept = left_out(runs, partial(_measure_run, absorbed, built, written))
         if kept is not runs:
             runs = kept

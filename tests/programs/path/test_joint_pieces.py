@@ -72,6 +72,14 @@ def test_a_single_line_is_one_leg():
     assert part.law.t.tolist() == alone.t.tolist()
 
 
+def test_a_piece_without_a_length_is_none():
+    run, motion = corner()
+    h, j = np.insert(np.diff(motion.t), 3, 1e-16), np.insert(motion.jerk, 3, 0.0, axis=0)
+    part = pieces_of(run, motion_of(h, j, [0, 0, 0, 1, 1, 1, 1]))
+    assert part.law.u == pytest.approx(pieces_of(run, motion).law.u, rel=1e-12)
+    assert part.ends == pytest.approx(pieces_of(run, motion).ends, rel=1e-12)
+
+
 @pytest.mark.parametrize("early", [0.0, 0.003, -0.003, 1e-9])
 def test_a_reversal_is_cut_where_the_speed_is_zero(early):
     run, motion = there_and_back(early)
