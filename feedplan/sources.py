@@ -147,8 +147,8 @@ def program_curve(
 ) -> SourceCurve:
     """Make the path of a part program, which takes its share of the tolerance.
 
-    ``notice`` is told of a long one; ``tools``, ``ignore``, ``reader`` and ``setup`` say how it is read.  ``path``: found with
-    its feed, or before.  ``widen``: the limits are those of the axes that move, as a table has them.
+    ``notice`` is told of a long one; ``tools``, ``ignore``, ``reader`` and ``setup`` say how it is read.  ``path``: found
+    with its feed, or before.  ``widen``: the limits are those of the axes that move, as a table has them.
     """
     import numpy as np
 

@@ -138,7 +138,10 @@ def test_a_plan_that_is_not_the_optimum_says_so(sound: Verdict) -> None:
 def program_of(largest: float, tolerance: float, lines: int, notes: tuple[str, ...] = ()) -> Any:
     stops = [SimpleNamespace(line=10 * k, u=0.1 * k, reason="corner") for k in range(lines)]
     deviation = SimpleNamespace(largest=largest)
-    return SimpleNamespace(deviation=deviation, deviation_line=7, tolerance=tolerance, stops=stops, notes=notes)
+    counts = {"runs": 3, "joint": joint}
+    return SimpleNamespace(
+        deviation=deviation, deviation_line=7, tolerance=tolerance, stops=stops, notes=notes, counts=counts
+    )
 
 
 @pytest.mark.parametrize(

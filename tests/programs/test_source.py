@@ -40,11 +40,12 @@ def test_a_program_is_its_path(tmp_path, suffix, tolerance, limits):
     file = tmp_path / f"part{suffix}"
     file.write_bytes(SLOTS.read_bytes())
     curve = load_curve(file, tolerance=tolerance, limits=limits)
-    path = program_path(read_program(SLOTS), tolerance, MILL if limits is None else limits)
+    kind = "separate" if limits is None else "joint"
+    path = program_path(read_program(SLOTS), tolerance, MILL if limits is None else limits, path=kind)
     assert curve.fingerprint == path.curve.fingerprint
     assert np.array_equal(curve.feed_caps.feed, path.curve.feed_caps.feed)
     assert curve.name == file.name
-    assert curve.made_within == PathTolerance(tolerance, machine="mill" if limits is None else "")
+    assert curve.made_within == PathTolerance(tolerance, machine="mill" if limits is None else "", path=kind)
 
 
 def test_limits_weigh_in_the_corners():
