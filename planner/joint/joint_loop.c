@@ -1,44 +1,26 @@
 /* The joint problem's interior-point method: one Newton step an iteration; solve.py has the rules. */
 #include "joint.h"
 #include "joint_inline.h"
+#ifdef JOINT_LOG
+#include <stdio.h>
+#endif
 
-static const double END_WEIGHT = 1e3;        /* of the squared distance from the target, beside its multipliers */
-static const double FRACTION = 0.98;         /* of the way to the boundary */
-static const double LARGEST_CHANGE = 0.2;    /* of a duration, in a step */
-static const double GROWTH = 1.5, OPEN = 0.05; /* a step may let the defects grow to this share of what they were, or to that */
-static const double LEAST_SLACK = 0.05;      /* at the start */
-static const double CLOSED = 1e-8, REACHED = 1e-7; /* defects; distance from the target */
-enum { HALVINGS = 12 };
-enum { CONVERGED, RUNNING, SINGULAR, STUCK };
+static const double FRACTION = 0.995;      /* of the way to the boundary */
+static const double LARGEST_CHANGE = 0.5;  /* of the cube of a duration, in a step */
+static const double MOST_CHANGE = 2.0;     /* before the step is cut */
+static const double GROWTH = 1.5;          /* of the largest defect, in a step */
+static const double LEAST_SLACK = 0.01;    /* at the start */
+static const double WEIGHT = 1e3, HEAVY = 1e6; /* of the squared distance from the target, beside its multipliers */
+static const double FIRM = 1e4;           /* hold at the end */
+static const double HOLD = 1e-2, LEAST_HOLD = 1e-6;
+static const double CLOSED = 3e-9, REACHED = 1e-7; /* at the end: defects, distance from the target and violations */
+enum { HALVINGS = 12, MOST_SWEEPS = 20, MOST_TRIALS = 12 };
+enum { CONVERGED, RUNNING, SINGULAR };
 
-static Problem problem_of(const int64_t *sizes, const uint8_t *begins, const double *share, const int64_t *leg,
-                          const double *vectors, const double *rates, const double *lengths, const double *near,
-                          const double *pace, const double *axes, const double *scalars, const double *target) {
-    const int64_t d = sizes[0];
-    return (Problem){
-        .d = d,
-        .n = sizes[1],
-        .begins = begins,
-        .share = share,
-        .leg = leg,
-        .vectors = vectors,
-        .rates = rates,
-        .lengths = lengths,
-        .near = near,
-        .pace = pace,
-        .velocity = axes,
-        .acceleration = axes + d,
-        .jerk = axes + 2 * d,
-        .bend = scalars[0],
-        .shortest = scalars[1],
-        .target = target,
-    };
-}
-
-/* Numbers of work a stage, beside the last one. */
+/* Numbers of work a stage. */
 static int64_t a_stage(int64_t d) {
-    const int64_t nx = 3 * d + 1, nu = d + 1, rows = 9 + 10 * d;
-    return 4 * nx + nu + nx * nx + nu * nx + nu + 4 * rows + POINTS * d * (d + 1) + 1;
+    const int64_t nx = 3 * d + 1, rows = 10 * d + 8;
+    return 4 * nx + d + nx * nx + d * nx + d + 4 * rows + POINTS * d * (d + 1) + 1;
 }
 
 int64_t joint_work(const int64_t *sizes) { return (sizes[1] + 1) * a_stage(sizes[0]) + 3 * sizes[0]; }
@@ -50,27 +32,25 @@ static double *taken(double **work, int64_t count) {
 }
 
 static Iterate iterate_of(const Problem *problem, double *x, double *u, double *work) {
-    const int64_t d = problem->d, n = problem->n + 1, nx = 3 * d + 1, nu = d + 1, rows = 9 + 10 * d;
-    return (Iterate){
-        .x = x,
-        .u = u,
-        .dx = taken(&work, n * nx),
-        .du = taken(&work, n * nu),
-        .prices = taken(&work, n * nx),
-        .defect = taken(&work, n * nx),
-        .slope = taken(&work, n * nx),
-        .cost = taken(&work, n * nx * nx),
-        .gain = taken(&work, n * nu * nx),
-        .push = taken(&work, n * nu),
-        .value = taken(&work, n * rows),
-        .slack = taken(&work, n * rows),
-        .dual = taken(&work, n * rows),
-        .dslack = taken(&work, n * rows),
-        .off = taken(&work, n * POINTS * d),
-        .curve = taken(&work, n * POINTS * d * d),
-        .rows = (int64_t *)(void *)taken(&work, n),
-        .price = taken(&work, 3 * d),
-    };
+    const int64_t d = problem->d, n = problem->n + 1, nx = 3 * d + 1, rows = 10 * d + 8;
+    Iterate it = {.x = x, .u = u};
+    it.dx = taken(&work, n * nx);
+    it.du = taken(&work, n * d);
+    it.prices = taken(&work, n * nx);
+    it.defect = taken(&work, n * nx);
+    it.slope = taken(&work, n * nx);
+    it.cost = taken(&work, n * nx * nx);
+    it.gain = taken(&work, n * d * nx);
+    it.push = taken(&work, n * d);
+    it.value = taken(&work, n * rows);
+    it.slack = taken(&work, n * rows);
+    it.dual = taken(&work, n * rows);
+    it.dslack = taken(&work, n * rows);
+    it.off = taken(&work, n * POINTS * d);
+    it.curve = taken(&work, n * POINTS * d * d);
+    it.rows = (int64_t *)(void *)taken(&work, n);
+    it.price = taken(&work, 3 * d);
+    return it;
 }
 
 /* Where the iterate stands. */
@@ -80,7 +60,7 @@ typedef struct {
 } Standing;
 
 static void set_out(const Problem *problem, const Iterate *it, double start) {
-    const int64_t d = problem->d, nx = 3 * d + 1, rows = 9 + 10 * d;
+    const int64_t d = problem->d, nx = 3 * d + 1, rows = 10 * d + 8;
     memset(it->prices, 0, sizeof(double) * (size_t)((problem->n + 1) * nx));
     memset(it->price, 0, sizeof(double) * (size_t)(3 * d));
     for (int64_t i = 0; i < problem->n; i++) {
@@ -93,16 +73,16 @@ static void set_out(const Problem *problem, const Iterate *it, double start) {
 }
 
 static Standing stand(const Problem *problem, const Iterate *it) {
-    const int d = (int)problem->d, nx = states_of(d), nu = d + 1, rows = most_rows_of(d);
+    const int d = (int)problem->d, nx = states_of(d), rows = most_rows_of(d);
     Standing now = {0.0, 0.0, 0.0, 0.0, 0.0, 0};
     for (int64_t i = 0; i < problem->n; i++) {
         double *const defect = it->defect + i * nx;
-        joint_arrive(d, problem->begins[i], problem->share[i], it->x + i * nx, it->u + i * nu, defect);
+        joint_arrive(d, problem->switches[i], problem->share[i], it->x + i * nx, it->u + i * d, defect);
         for (int k = 0; k < nx; k++) {
             defect[k] -= it->x[(i + 1) * nx + k];
             now.defect = larger(now.defect, fabs(defect[k]));
         }
-        if (problem->begins[i]) now.time += it->u[i * nu + d];
+        if (problem->switches[i]) now.time += cbrt(it->u[i * d]);
         for (int64_t r = i * rows; r < i * rows + it->rows[i]; r++) {
             now.products += it->slack[r] * it->dual[r];
             now.violation = larger(now.violation, it->value[r]);
@@ -114,11 +94,15 @@ static Standing stand(const Problem *problem, const Iterate *it) {
     return now;
 }
 
+/* A step: its lengths, how the cubes of durations change at most, and how the time does. */
+typedef struct {
+    double primal, dual, change, gained, moved;
+} Stride;
+
 /* How far a step may go: so that slacks and multipliers stay positive, and durations change little. */
-static void lengths_of(const Problem *problem, const Iterate *it, double mu, double *primal, double *dual) {
-    const int64_t d = problem->d, rows = 9 + 10 * d;
-    double change = 0.0;
-    *primal = *dual = 1.0;
+static Stride stride_of(const Problem *problem, const Iterate *it, double mu) {
+    const int64_t d = problem->d, rows = 10 * d + 8;
+    Stride step = {1.0, 1.0, 0.0, 0.0, 0.0};
     for (int64_t i = 0; i < problem->n; i++) {
         double *const dslack = it->dslack + i * rows;
         joint_changes(problem, i, it, dslack);
@@ -126,24 +110,29 @@ static void lengths_of(const Problem *problem, const Iterate *it, double mu, dou
             const double s = it->slack[i * rows + r], z = it->dual[i * rows + r];
             dslack[r] = -(it->value[i * rows + r] + s) - dslack[r];
             const double dz = (mu - z * dslack[r]) / s - z;
-            if (dslack[r] < 0.0) *primal = smaller(*primal, -FRACTION * s / dslack[r]);
-            if (dz < 0.0) *dual = smaller(*dual, -FRACTION * z / dz);
+            if (dslack[r] < 0.0) step.primal = smaller(step.primal, -FRACTION * s / dslack[r]);
+            if (dz < 0.0) step.dual = smaller(step.dual, -FRACTION * z / dz);
         }
-        if (problem->begins[i])
-            change = larger(change, fabs(it->du[i * (d + 1) + d]) / it->u[i * (d + 1) + d]);
+        if (!problem->switches[i]) continue;
+        const double change = it->du[i * d] / it->u[i * d];
+        step.change = larger(step.change, fabs(change));
+        step.moved += fabs(change) / 3.0;
+        step.gained += cbrt(it->u[i * d]) * change / 3.0;
     }
-    if (change * *primal > LARGEST_CHANGE) *primal = LARGEST_CHANGE / change;
+    if (step.change * step.primal > LARGEST_CHANGE) step.primal = LARGEST_CHANGE / step.change;
+    return step;
 }
 
-/* Largest defect after a step of this length. */
+/* Largest defect after a step of this length; within a phase it is linear. */
 static double defect_after(const Problem *problem, const Iterate *it, double length) {
-    const int d = (int)problem->d, nx = states_of(d), nu = d + 1;
+    const int d = (int)problem->d, nx = states_of(d);
     double most = 0.0;
     for (int64_t i = 0; i < problem->n; i++) {
-        double x[MOST_STATES], u[MOST_CONTROLS], end[MOST_STATES];
+        if (!problem->switches[i]) continue;
+        double x[MOST_STATES], u[1], end[MOST_STATES];
         for (int k = 0; k < nx; k++) x[k] = it->x[i * nx + k] + length * it->dx[i * nx + k];
-        for (int k = 0; k < nu; k++) u[k] = it->u[i * nu + k] + length * it->du[i * nu + k];
-        joint_arrive(d, problem->begins[i], problem->share[i], x, u, end);
+        u[0] = it->u[i * d] + length * it->du[i * d];
+        joint_arrive(d, 1, 0.0, x, u, end);
         for (int k = 0; k < nx; k++) {
             const int64_t next = (i + 1) * nx + k;
             most = larger(most, fabs(end[k] - it->x[next] - length * it->dx[next]));
@@ -152,8 +141,9 @@ static double defect_after(const Problem *problem, const Iterate *it, double len
     return most;
 }
 
-static void advance(const Problem *problem, const Iterate *it, double mu, double primal, double dual) {
-    const int d = (int)problem->d, nx = states_of(d), nu = d + 1, rows = most_rows_of(d);
+static void advance(const Problem *problem, const Iterate *it, const Aim *aim, const Stride *step) {
+    const int d = (int)problem->d, nx = states_of(d), rows = most_rows_of(d);
+    const double dual = smaller(step->primal, step->dual);
     for (int64_t i = 0; i <= problem->n; i++)
         for (int k = 0; k < nx; k++) {
             const double *const row = it->cost + (i * nx + k) * nx, *const dx = it->dx + i * nx;
@@ -161,56 +151,75 @@ static void advance(const Problem *problem, const Iterate *it, double mu, double
             for (int m = 0; m < nx; m++) sum += row[m] * dx[m];
             it->prices[i * nx + k] = sum;
         }
-    for (int64_t i = 0; i < (problem->n + 1) * nx; i++) it->x[i] += primal * it->dx[i];
-    for (int64_t i = 0; i < problem->n * nu; i++) it->u[i] += primal * it->du[i];
+    for (int64_t i = 0; i < (problem->n + 1) * nx; i++) it->x[i] += step->primal * it->dx[i];
     for (int64_t i = 0; i < problem->n; i++) {
+        for (int k = 0; k < (problem->switches[i] ? 1 : d); k++) it->u[i * d + k] += step->primal * it->du[i * d + k];
         joint_values(problem, i, it);
         for (int64_t r = i * rows; r < i * rows + it->rows[i]; r++) {
             const double s = it->slack[r], z = it->dual[r];
-            it->dual[r] += dual * ((mu - z * it->dslack[r]) / s - z);
-            it->slack[r] = larger(s + primal * it->dslack[r], -it->value[r]);
+            it->dual[r] += dual * ((aim->mu - z * it->dslack[r]) / s - z);
+            it->slack[r] = larger(s + step->primal * it->dslack[r], -it->value[r]);
         }
     }
     for (int k = 0; k < 3 * d; k++)
-        it->price[k] += END_WEIGHT * (it->x[problem->n * nx + k] - problem->target[k]);
+        it->price[k] += aim->weight * (it->x[problem->n * nx + k] - problem->target[k]);
 }
 
-/* Newton's step with less and less of the second derivatives; 0 where none is found. */
-static int sweep_back(const Problem *problem, const Iterate *it, double mu) {
-    const double shares[4] = {1.0, 0.3, 0.09, 0.0};
-    for (int k = 0; k < 4; k++)
-        if (joint_back(problem, it, mu, END_WEIGHT, shares[k])) return 1;
+/* The step.  Where the system is not positive definite, or durations change much, they are held faster and all is tried again: with
+   all of them held the problem is convex. */
+static int find_step(const Problem *problem, const Iterate *it, Aim *aim, Stride *step) {
+    for (int k = 0; k < MOST_SWEEPS; k++) {
+        if (!joint_back(problem, it, aim)) {
+            aim->hold = larger((k < 3 ? 4.0 : 10.0) * aim->hold, LEAST_HOLD);
+            continue;
+        }
+        joint_forth(problem, it);
+        *step = stride_of(problem, it, aim->mu);
+        if (step->change <= MOST_CHANGE || k >= MOST_TRIALS) return 1;
+        aim->hold = larger(aim->hold, LEAST_HOLD) * smaller(larger(step->change / MOST_CHANGE, 2.0), 16.0);
+    }
     return 0;
 }
 
-int64_t joint_solve(const int64_t *sizes, const uint8_t *begins, const double *share, const int64_t *leg,
-                    const double *vectors, const double *rates, const double *lengths, const double *near,
-                    const double *pace, const double *axes, const double *scalars, const double *target, double gap,
-                    double start, int64_t most, double *x, double *u, double *work, double *found) {
-    const Problem problem = problem_of(sizes, begins, share, leg, vectors, rates, lengths, near, pace, axes, scalars,
-                                       target);
+int64_t joint_solve(const int64_t *sizes, const uint8_t *switches, const double *share, const double *scale,
+                    const int64_t *leg, const double *vectors, const double *rates, const double *lengths,
+                    const double *near, const double *pace, const double *axes, const double *scalars,
+                    const double *target, double gap, double start, double open, int64_t most, double *x, double *u,
+                    double *work, double *found) {
+    const Problem problem = {sizes[0], sizes[1], switches, share, scale, leg, vectors, rates, lengths, near, pace,
+                             axes, axes + sizes[0], axes + 2 * sizes[0], scalars[0], scalars[1], target};
     const Iterate it = iterate_of(&problem, x, u, work);
     set_out(&problem, &it, start);
-    double length = 1.0;
-    int64_t status = RUNNING, count = 0;
     Standing now = stand(&problem, &it);
-    for (; count < most; count++) {
-        if (count && now.products < gap * now.time && now.defect < CLOSED && now.end < REACHED && now.violation < REACHED)
-            status = CONVERGED;
-        if (status != RUNNING) break;
-        const double sigma = count == 0 ? 1.0 : length > 0.9 ? 0.1 : length > 0.5 ? 0.25 : 0.6;
-        const double mu = larger(sigma * now.products, 0.1 * gap * now.time) / (double)now.rows;
-        if (!sweep_back(&problem, &it, mu)) {
+    Stride step = {1.0, 1.0, 0.0, 0.0, 0.0};
+    double hold = HOLD, left = 0.0;
+    int64_t status = RUNNING, count = 0;
+    int closing = 0;
+    for (; count < most && status == RUNNING; count++) {
+        const double floor = larger(0.1 * gap * now.time, closing ? 0.0 : 0.3 * smaller(left, now.time));
+        const double sigma = count == 0 || closing ? 1.0 : step.primal > 0.9 ? 0.1 : step.primal > 0.5 ? 0.25 : 0.6;
+        Aim aim = {larger(sigma * now.products, floor) / (double)now.rows, closing ? HEAVY : WEIGHT, FIRM};
+        if (!closing) aim.hold = larger(0.15 * hold, 30.0 * aim.mu);
+        if (!find_step(&problem, &it, &aim, &step)) {
             status = SINGULAR;
             break;
         }
-        joint_forth(&problem, &it);
-        double dual;
-        lengths_of(&problem, &it, mu, &length, &dual);
-        const double allowed = larger(GROWTH * now.defect, OPEN);
-        for (int k = 0; k < HALVINGS && !(defect_after(&problem, &it, length) <= allowed); k++) length *= 0.5;
-        advance(&problem, &it, mu, length, smaller(length, dual));
+        if (!closing) hold = step.change > 1.0 ? 4.0 * larger(aim.hold, 1e-5) : aim.hold;
+        const double allowed = larger(GROWTH * now.defect, open);
+        for (int k = 0; k < HALVINGS && !(defect_after(&problem, &it, step.primal) <= allowed); k++) step.primal *= 0.5;
+        left = closing ? 0.0 : aim.hold * step.moved + (1.0 - step.primal) * fabs(step.gained);
+        advance(&problem, &it, &aim, &step);
         now = stand(&problem, &it);
+#ifdef JOINT_LOG
+        fprintf(stderr, "%3d T %.4f def %.1e mu %.1e comp %.1e viol %.1e end %.1e len %.3f dual %.3f hold %.1e left %.1e change %.1e\n",
+                (int)count, now.time, now.defect, aim.mu, now.products / now.rows, now.violation, now.end, step.primal, step.dual,
+                aim.hold, left, step.change);
+#endif
+        if (now.products >= (closing ? 2.0 : 1.0) * gap * now.time) continue;
+        if (!closing)
+            closing = left < 3.0 * gap * now.time && now.defect < 3e-4 * open;
+        else if (now.defect < CLOSED && now.end < REACHED && now.violation < REACHED)
+            status = CONVERGED;
     }
     const double out[6] = {now.time, now.defect, now.products, now.violation, now.end, (double)count};
     memcpy(found, out, sizeof out);

@@ -35,25 +35,26 @@ from planner.joint.joint_run import JointMotion, JointRun
 from planner.joint.straight import along, seven_phases
 from planner.types import BoolArray, FloatArray, IntArray
 
-_GAP = 1e-5  # of the time
-_SLOWED = 1.1
+_GAP = 3e-5  # of the time
+_SLOWED = 1.05
 _MOST_ITERATIONS = 300
-_FIRST, _AGAIN = 1e-2, 3e-3  # product of slacks and multipliers at a start
+_FIRST, _AGAIN = 3e-2, 3e-3  # product of slacks and multipliers at a start
 _PER_ZONE, _PER_MIDDLE = 8, 4  # segments of a phase beside a vertex, and between
 _ZONE = 5.0  # length of a phase beside a vertex, of (e / J)^(1/3)
+_OPEN = 30.0  # largest defect on the way, of the tolerance
 _SHORTEST = 0.02  # time of a phase, in units
 _WHY = {1: "after {} iterations it had not converged", 2: "its system became singular after {} iterations"}
 
 
 @dataclass
 class _Mesh:
-    """Segments (m,) and a motion at their nodes; in mm and s."""
+    """Stages (m,), the switch to each phase and its segments, and a motion; in mm and s, with durations for their cubes."""
 
-    begins: BoolArray
+    switches: BoolArray
     share: FloatArray
     leg: IntArray
-    x: FloatArray  # (m + 1, 3d + 1)
-    u: FloatArray  # (m, d + 1)
+    x: FloatArray  # (m + 1, 3d + 1): position, velocity, acceleration, duration
+    u: FloatArray  # (m, d): jerk, or the next duration
 
 
 def solve_run(run: JointRun) -> JointMotion:
@@ -69,8 +70,7 @@ def solve_run(run: JointRun) -> JointMotion:
     if run.lengths.size == 1:
         return _straight(run)
     mesh = _begin(run)
-    found = _iterate(run, mesh)
-    return _motion(mesh, found)
+    return _motion(run, mesh, *_iterate(run, mesh))
 
 
 def _limits_along(run: JointRun, leg: int) -> tuple[float, float, float]:
@@ -98,99 +98,155 @@ def _straight(run: JointRun) -> JointMotion:
 
 def _begin(run: JointRun) -> _Mesh:
     """The exact-stop motion, slowed; phases beside each vertex are as long as swinging within the tolerance takes."""
-    begins, share, leg, x, u = [], [], [], [], []
+    d = run.dim
+    switches, share, leg, x, u = [], [], [], [], []
+    last = 0.0
     for k, length in enumerate(run.lengths):
         durations, jerks = seven_phases(length, *_limits_along(run, k))
-        total = durations.sum()
+        phases = _phases(run, k, durations.sum())
+        width = np.concatenate([np.full(count, time / count) for time, count in phases])
+        state, jerk, slower = _averaged(durations, jerks, width, length)
         direction, start = run.legs.vectors[k, 3], run.starts[k]
-        at = 0.0
-        for time, count in _phases(run, k, total):
-            nodes = at + time * np.arange(count + 1) / count
-            s, v, a, _ = along(durations, jerks, nodes)
-            v, a = v / _SLOWED, a / _SLOWED**2
-            slowed = time * _SLOWED
-            jerk = np.diff(a) / (slowed / count)
-            state = [start + s[:-1, None] * direction, v[:-1, None] * direction, a[:-1, None] * direction]
-            x.append(np.column_stack([*state, np.full(count, slowed)]))
-            u.append(np.column_stack([jerk[:, None] * direction, np.full(count, slowed)]))
-            begins += [True] + [False] * (count - 1)
-            share += [1.0 / count] * count
-            leg += [k] * count
-            at += time
-    controls = np.concatenate(u)
-    states = np.vstack([*x, np.concatenate([run.ends[-1], np.zeros(2 * run.dim + 1)])])
-    states[1:, -1] = controls[:, -1]
-    return _Mesh(np.array(begins), np.array(share), np.array(leg), states, controls)
+        s, v, a = state[:, :-1, None] * direction
+        at = 0
+        for time, count in phases:
+            i = np.concatenate([[at], np.arange(at, at + count)])
+            t = np.full(count + 1, time * slower)
+            t[0] = last if last else t[1]
+            control = jerk[i, None] * direction
+            control[0, 0] = last = t[1]
+            x.append(np.column_stack([start + s[i], v[i], a[i], t]))
+            u.append(control)
+            switches += [True] + [False] * count
+            share += [0.0] + [1.0 / count] * count
+            leg += [k] * (count + 1)
+            at += count
+    end = np.concatenate([run.ends[-1], np.zeros(2 * d), [last]])
+    return _Mesh(np.array(switches), np.array(share), np.array(leg), np.vstack([*x, end]), np.concatenate(u))
 
 
 def _phases(run: JointRun, leg: int, total: float) -> list[tuple[float, int]]:
     """Times of the phases of a leg that takes so long, and their numbers of segments."""
     zone = _ZONE * np.cbrt(run.tolerance[leg] / run.jerk.max())
-    if total * _SLOWED < 0.3 * zone:
+    if total < 0.3 * zone:
         return [(total, _PER_ZONE)]
     if total < 2.5 * zone:
         return [(0.5 * total, _PER_ZONE)] * 2
     return [(zone, _PER_ZONE), *[((total - 2.0 * zone) / 3.0, _PER_MIDDLE)] * 3, (zone, _PER_ZONE)]
 
 
-@dataclass(frozen=True)
-class _Units:
-    """A unit of time, s, and of length, mm."""
+def _averaged(
+    durations: FloatArray, jerks: FloatArray, width: FloatArray, length: float
+) -> tuple[FloatArray, FloatArray, float]:
+    """Jerks (n,) constant on segments of those widths that come near those of the phases and end alike; states (3, n + 1).
 
-    time: float
-    length: float
+    All is slowed until it is strictly inside what the phases use; the third is the factor in time.
+    """
+    t = np.concatenate([[0.0], np.cumsum(width)])
+    _, speed, acceleration, _ = along(durations, jerks, t)
+    jerk = np.diff(acceleration) / width
+    state, jerk = _arriving(np.zeros((3, 1)), jerk[:, None], width, np.array([[length], [0.0], [0.0]]))
+    state, jerk = state[..., 0], jerk[:, 0]
+    used = [
+        np.abs(new).max() / np.abs(old).max() for new, old in ((state[1], speed), (state[2], acceleration), (jerk, jerks))
+    ]
+    slower = max(_SLOWED, used[0] / 0.95, (used[1] / 0.9) ** 0.5, (used[2] / 0.85) ** (1.0 / 3.0))
+    return state / slower ** np.arange(3.0)[:, None], jerk / slower**3, slower
 
-    def of_states(self, d: int) -> FloatArray:
-        orders = np.concatenate([self.length / self.time ** np.repeat(np.arange(3.0), d), [self.time]])
-        return orders
 
-    def of_controls(self, d: int) -> FloatArray:
-        return np.concatenate([np.full(d, self.length / self.time**3), [self.time]])
+def _arriving(
+    start: FloatArray, jerk: FloatArray, width: FloatArray, end: FloatArray, first: int = 0
+) -> tuple[FloatArray, FloatArray]:
+    """States (3, n + 1, d) of jerks (n, d) on segments of those widths, changed least, from ``first`` on, so that they end at ``end`` (3, d)."""
+    state = _rolled(start, jerk, width)
+    for _ in range(2):  # again for what rounding leaves
+        left = width[first:].sum() - np.concatenate([[0.0], np.cumsum(width[first:])])
+        # what each jerk adds to position, speed and acceleration at the end
+        added = np.array([-np.diff(left**k) / c for k, c in ((3, 6.0), (2, 2.0), (1, 1.0))])
+        unit = np.sqrt((added**2 / width[first:]).sum(axis=1))
+        root = added / unit[:, None] / np.sqrt(width[first:])
+        change = np.linalg.lstsq(root, (end - state[:, -1]) / unit[:, None], rcond=None)[0]
+        jerk = jerk.copy()
+        jerk[first:] += change / np.sqrt(width[first:, None])
+        state = _rolled(start, jerk, width)
+    state[:, -1] = end
+    return state, jerk
 
 
-def _units(run: JointRun) -> _Units:
+def _rolled(start: FloatArray, jerk: FloatArray, width: FloatArray) -> FloatArray:
+    """Position, speed and acceleration (3, n + 1, d) at the ends of segments with those jerks (n, d)."""
+    h = width[:, None]
+    state = np.empty((3, width.size + 1, jerk.shape[1]))
+    state[:, 0] = start
+    a = state[2]
+    a[1:] = a[0] + np.cumsum(h * jerk, axis=0)
+    v = state[1]
+    v[1:] = v[0] + np.cumsum(h * (a[:-1] + 0.5 * h * jerk), axis=0)
+    state[0, 1:] = state[0, 0] + np.cumsum(h * (v[:-1] + h * (0.5 * a[:-1] + h * (jerk / 6.0))), axis=0)
+    return state
+
+
+def _units(run: JointRun) -> tuple[float, float]:
+    """Units of time, s, and of length, mm."""
     jerk = run.jerk.max()
     acceleration = min(run.acceleration.max(), run.bend)
     time = 0.2 * acceleration / jerk if np.isfinite(acceleration) else np.cbrt(2.0 * np.median(run.tolerance) / jerk)
-    return _Units(time, jerk * time**3)
+    return time, jerk * time**3
 
 
-def _iterate(run: JointRun, mesh: _Mesh) -> int:
-    """Improve the motion on the mesh until it is optimal; the number of iterations."""
-    units, d, m = _units(run), run.dim, mesh.leg.size
+def _scaled(mesh: _Mesh, time: float, length: float, origin: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """States and controls as the solver has them."""
+    d = mesh.u.shape[1]
+    t = mesh.x[:, 3 * d :] / time
+    x = np.column_stack([mesh.x[:, : 3 * d] / length, t**3])
+    x[:, :d] -= origin / length
+    x[:, d : 2 * d] *= time * t
+    x[:, 2 * d : 3 * d] *= (time * t) ** 2
+    u = mesh.u * (time * t[:-1]) ** 3 / length
+    u[mesh.switches, 0] = (mesh.u[mesh.switches, 0] / time) ** 3
+    return x, u
+
+
+def _iterate(run: JointRun, mesh: _Mesh) -> tuple[FloatArray, FloatArray, int]:
+    """Improve the motion on the mesh until it is optimal: states and controls in mm and s, and the number of iterations."""
+    (time, length), d, m = _units(run), run.dim, mesh.leg.size
     origin = run.starts[0]
-    shift = np.concatenate([origin, np.zeros(2 * d + 1)])
-    x = (mesh.x - shift) / units.of_states(d)
-    u = mesh.u / units.of_controls(d)
-    vectors = (run.legs.vectors - np.array([origin, origin * 0.0, origin * 0.0, origin * 0.0])) / units.length
-    vectors[:, 3] *= units.length
-    near = np.repeat((units.length / run.tolerance[mesh.leg])[:, None] ** 2, 3, axis=1)
-    speed = units.length / units.time
+    x, u = _scaled(mesh, time, length, origin)
+    scale = np.where(mesh.switches, np.maximum(x[1:, -1], x[:-1, -1]), x[:-1, -1]) ** (1.0 / 3.0)
+    vectors = run.legs.vectors / length
+    vectors[:, 0] -= origin / length
+    vectors[:, 3] *= length
+    near = np.repeat((length / run.tolerance[mesh.leg])[:, None] ** 2, 3, axis=1)
+    speed = length / time
     pace = np.repeat((speed / run.feed[mesh.leg])[:, None] ** 2, 3, axis=1)
-    changes = np.flatnonzero(np.diff(mesh.leg)) + 1
-    near[changes, 0] = np.maximum(near[changes, 0], near[changes - 1, 0])
-    pace[changes, 0] = np.maximum(pace[changes, 0], pace[changes - 1, 0])
-    axes = np.array([speed / run.velocity, speed / units.time / run.acceleration, speed / units.time**2 / run.jerk])
+    at = np.flatnonzero(np.diff(mesh.leg)) + 1  # the switches; the next stages begin at vertices
+    near[at + 1, 0] = np.maximum(near[at + 1, 0], near[at - 1, 0])
+    pace[at + 1, 0] = np.maximum(pace[at + 1, 0], pace[at - 1, 0])
+    axes = np.array([speed / run.velocity, speed / time / run.acceleration, speed / time**2 / run.jerk])
     axes[0, run.velocity >= run.feed.max()] = 0.0
-    scalars = np.array([(speed / units.time / run.bend) ** 2, _SHORTEST])
-    sizes = np.array([d, m, run.lengths.size, 0])
-    target = np.concatenate([(run.ends[-1] - origin) / units.length, np.zeros(2 * d)])
-    work = np.empty(core.joint_work(sizes))
-    found = np.empty(6)
+    scalars = np.array([(speed / time / run.bend) ** 2, _SHORTEST**3])
+    sizes = np.array([d, m, run.lengths.size])
+    target = np.concatenate([(run.ends[-1] - origin) / length, np.zeros(2 * d)])
+    work, found = np.empty(core.joint_work(sizes)), np.empty(6)
     status = core.joint_solve(
-        *(sizes, mesh.begins, mesh.share, mesh.leg, vectors, run.legs.rates * units.length, run.lengths / units.length),
-        *(near, pace, axes, scalars, target, _GAP, _FIRST, _MOST_ITERATIONS, x, u, work, found),
+        *(sizes, mesh.switches, mesh.share, scale, mesh.leg, vectors, run.legs.rates * length, run.lengths / length),
+        *(near, pace, axes, scalars, target, _GAP, _FIRST, _OPEN * run.tolerance.min() / length, _MOST_ITERATIONS),
+        *(x, u, work, found),
     )
     if status:
         raise SolverError(f"path and feed together: {_WHY[int(status)].format(int(found[5]))}; found {found}")
-    mesh.x = x * units.of_states(d) + shift
-    mesh.u = u * units.of_controls(d)
-    return int(found[5])
+    return x, u, int(found[5])
 
 
-def _motion(mesh: _Mesh, iterations: int) -> JointMotion:
-    d = mesh.u.shape[1] - 1
-    duration = np.where(mesh.begins, mesh.u[:, d], mesh.x[:-1, 3 * d])
-    t = np.concatenate([[0.0], np.cumsum(mesh.share * duration)])
-    p, v, a = (np.ascontiguousarray(mesh.x[:, k * d : (k + 1) * d]) for k in range(3))
-    return JointMotion(t, p, v, a, np.ascontiguousarray(mesh.u[:, :d]), mesh.leg, iterations)
+def _motion(run: JointRun, mesh: _Mesh, x: FloatArray, u: FloatArray, iterations: int) -> JointMotion:
+    """The motion with exactly those durations and, but for rounding, jerks: each state follows from the one before."""
+    d = run.dim
+    time, length = _units(run)
+    on = np.flatnonzero(~mesh.switches)
+    duration = np.cbrt(x[on, 3 * d]) * time
+    width, leg = mesh.share[on] * duration, mesh.leg[on]
+    start, end = np.zeros((3, d)), np.zeros((3, d))
+    start[0], end[0] = run.starts[0], run.ends[-1]
+    first = int(np.searchsorted(leg, leg[-1]))
+    (p, v, a), jerk = _arriving(start, length * u[on] / duration[:, None] ** 3, width, end, first)
+    return JointMotion(np.concatenate([[0.0], np.cumsum(width)]), p, v, a, jerk, leg, iterations)
