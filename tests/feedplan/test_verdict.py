@@ -135,7 +135,7 @@ def test_a_plan_that_is_not_the_optimum_says_so(sound: Verdict) -> None:
         assert said is (status not in {Status.OPTIMAL, Status.FEASIBLE})
 
 
-def program_of(largest: float, tolerance: float, lines: int, notes: tuple[str, ...] = ()) -> Any:
+def program_of(largest: float, tolerance: float, lines: int, notes: tuple[str, ...] = (), joint: int = 0) -> Any:
     stops = [SimpleNamespace(line=10 * k, u=0.1 * k, reason="corner") for k in range(lines)]
     deviation = SimpleNamespace(largest=largest)
     counts = {"runs": 3, "joint": joint}
@@ -155,6 +155,19 @@ def program_of(largest: float, tolerance: float, lines: int, notes: tuple[str, .
 def test_how_a_path_keeps_to_its_program(sound: Verdict, largest: float, tolerance: float, said: str) -> None:
     text = text_of(replace(sound, program=program_of(largest, tolerance, 2)))
     assert next(line for line in text.splitlines() if line.startswith("deviation")).split(maxsplit=1)[1].strip() == said
+
+
+@pytest.mark.parametrize(
+    ("joint", "said"),
+    [
+        (0, "separate, before its feed"),
+        (2, "joint, with its feed: 2 of 3 runs from stop to stop"),
+        (3, "joint, with its feed: all of 3 runs from stop to stop"),
+    ],
+)
+def test_how_a_path_was_made(sound: Verdict, joint: int, said: str) -> None:
+    text = text_of(replace(sound, program=program_of(0.0042, 0.01, 2, joint=joint)))
+    assert next(line for line in text.splitlines() if line.startswith("path ")).split(maxsplit=1)[1].strip() == said
 
 
 @pytest.mark.parametrize(("count", "said"), [(8, "60, 70"), (9, "60, 70, ...")])
