@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from feedplan.comparison import Comparison, compare
     from feedplan.job import Job, load_job, load_job_of_table, plan_and_check
     from feedplan.page import write_report
+    from feedplan.tolerances import ToleranceTime, time_of_tolerances
     from feedplan.verdict import Verdict
     from interp import (
         FORMS,
@@ -132,6 +133,7 @@ __all__ = [
     "SolverError",
     "StalledError",
     "TaylorTable",
+    "ToleranceTime",
     "Verdict",
     "WrittenProgram",
     "certify",
@@ -170,6 +172,7 @@ __all__ = [
     "start",
     "table_limits",
     "taylor_step",
+    "time_of_tolerances",
     "track",
     "verify_bound",
     "verify_plan_bound",
@@ -186,6 +189,7 @@ _HOME = {
     "feedplan.comparison": ("Comparison", "compare"),
     "feedplan.job": ("Job", "load_job", "load_job_of_table", "plan_and_check"),
     "feedplan.page": ("write_report",),
+    "feedplan.tolerances": ("ToleranceTime", "time_of_tolerances"),
     "feedplan.verdict": ("Verdict",),
     "planner.certificate": ("Certificate",),
     "planner.geometry.makers": ("formula", "from_points", "from_spline", "nurbs"),

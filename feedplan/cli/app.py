@@ -52,6 +52,7 @@ Examples:
   feedplan check table.csv butterfly-nurbs --machine mill.toml
   feedplan replay table.csv butterfly-nurbs --period-s 0.001 -o samples.csv
   feedplan time part.ngc --machine mill.toml --tolerance-mm 0.01
+  feedplan time part.ngc --machine mill.toml --tolerances-um 1,10,50
   feedplan windows long.ngc --machine mill.toml -o plan.npz
   feedplan ngc part.ngc --machine mill.toml --tolerance-mm 0.01 -o out.ngc
   feedplan report table.csv butterfly-nurbs -o report.html

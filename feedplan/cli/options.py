@@ -11,6 +11,7 @@ from typing import Any
 import click
 from click.shell_completion import CompletionItem
 
+from feedplan.tolerances import USUAL_UM, read_tolerances
 from planner.data import FOLDER, data_text
 from planner.files.formats import ANY_COLUMN_FORMAT
 
@@ -75,6 +76,15 @@ tolerance = click.option(
     "--tolerance-mm",
     type=float,
     help="Distance allowed from a part program, in place of its P words, or from points.",
+)
+tolerances = click.option(
+    "--tolerances-um",
+    "tolerances",
+    is_flag=False,
+    flag_value=(_USUAL := ",".join(map(str, USUAL_UM))),
+    metavar="[A,B,...]",
+    help=f"Say what the tolerance buys: the time within each of these, {_USUAL} if none are named.",
+    callback=lambda _context, _parameter, text: None if text is None else read_tolerances(text, "--tolerances-um"),
 )
 tools = click.option("--tools", type=FILE, help="Tool table of LinuxCNC, .tbl, for a part program's G41, G42 and G43.")
 setup = click.option(

@@ -31,11 +31,13 @@ _DIGITS = 4  # behind the point of the seconds that are shown
         "\b\nExamples:\n"
         "  feedplan time part.ngc --machine mill.toml\n"
         "  feedplan time part.ngc --machine machine.ini --tolerance-mm 0.01 -o lines.csv\n"
+        "  feedplan time part.ngc --machine mill --rows 0 --tolerances-um\n"
     ),
 )
 @options.program
 @options.machine
 @options.tolerance
+@options.tolerances
 @options.tools
 @options.ignore
 @options.reader
@@ -50,6 +52,7 @@ def time(
     machine: str | None,
     complete: dict[str, float],
     tolerance_mm: float | None,
+    tolerances: tuple[float, ...] | None,
     tools: Path | None,
     ignore: tuple[str, ...],
     reader: str,
@@ -61,27 +64,21 @@ def time(
 ) -> None:
     """Tell the time of each line of a part program, and of all.
 
-    Beside it, the least time of the same path without a jerk limit.  Dwells and tool changes count apart.  Exit code 1:
-    the plan breaks a limit.
+    Beside it, the least time of the same path without a jerk limit, and with --tolerances-um what another tolerance saves.
+    Dwells and tool changes count apart.  Exit code 1: a plan breaks a limit.
     """
     with Streams() as at:
         program, output = at.program(program), at.output(output, ".csv")
         require_program(program, "feedplan time")
         require_apart([output], [program, machine])
         require_outputs(output, None)
-        job = load_job(
-            program,
-            machine,
-            complete=complete,
-            feed=feed_mm_s,
-            tolerance=tolerance_mm,
-            tools=tools,
-            ignore=ignore,
-            reader=reader,
-            path=path,
-            notice=notice,
-        )
+        given: dict[str, Any] = {
+            "complete": complete, "feed": feed_mm_s, "tools": tools, "ignore": ignore, "reader": reader,
+            "path": path,
+        }  # fmt: skip
+        job = load_job(program, machine, tolerance=tolerance_mm, notice=notice, **given)
         from feedplan.progress import ProgressLine
+        from feedplan.tolerances import ToleranceTime, time_of_tolerances, tolerance_facts, tolerance_lines
         from planner.programs.times import write_line_times
 
         with ProgressLine() as line:
@@ -96,12 +93,19 @@ def time(
             if output is not None:
                 line(f"writing {output}")
                 write_line_times(output, times, at.told(program), report.summary(), without_jerk=without)
+            now, others = ToleranceTime.of(job, profile, report), None
+            if tolerances is not None:
+                others = time_of_tolerances(program, machine, tolerances, progress=line, **given)
         if as_json:
-            click.echo(_times_json(job, at.told(program), times, without, report), err=at.taken)
+            facts = _time_facts(job, at.told(program), times, without, report)
+            if others is not None:
+                facts["tolerances"] = tolerance_facts(now, others)
+            click.echo(json.dumps(facts, indent=2, allow_nan=False), err=at.taken)
         else:
             file = "" if output is None else at.told(str(output))
-            show(_times_text(job, profile, times, without, report, rows, file), aside=at.taken)
-        if not report.ok:
+            text = _times_text(job, profile, times, without, report, rows, file)
+            show(text if others is None else [*text, "", *tolerance_lines(now, others)], aside=at.taken)
+        if not report.ok or any(row.breaks for row in others or ()):
             raise click.exceptions.Exit(BROKEN)
 
 
@@ -202,7 +206,7 @@ def _cost_share(times: LineTimes, without: LineTimes) -> float:
     return times.moving / without.moving - 1.0 if without.moving > 0.0 else math.nan
 
 
-def _times_json(job: Job, program: str, times: LineTimes, without: LineTimes, report: Report) -> str:
+def _time_facts(job: Job, program: str, times: LineTimes, without: LineTimes, report: Report) -> dict[str, Any]:
     """The same for a program, every line."""
     from feedplan.verdict import program_facts
     from planner.programs.times import KINDS
@@ -220,7 +224,7 @@ def _times_json(job: Job, program: str, times: LineTimes, without: LineTimes, re
         "dwell_s": times.dwell.tolist(),
         "tool_changes": times.tool_changes.tolist(),
     }
-    facts = {
+    return {
         "ok": report.ok,
         "program": {"file": program, **program_facts(job.path)},
         "machine": job.machine,
@@ -232,4 +236,3 @@ def _times_json(job: Job, program: str, times: LineTimes, without: LineTimes, re
         "notes": list(job.path.notes),
         "lines": [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)],
     }
-    return json.dumps(facts, indent=2, allow_nan=False)

@@ -301,7 +301,9 @@ def test_json_of_times(json_of):
     assert {f"program.{key}" for key in dotted(program) if key != "file"} == {
         key for key in names("format-json", "verdict") if key.startswith("program.")
     }
-    agree_json("time", [{**found, "program": {"file": program["file"]}}])
+    within = json_of("time", STOPS, "--tolerances-um", "5,50")["tolerances"]
+    found["program"] = {"file": program["file"]}
+    agree_json("time", [found, {**found, "tolerances": within}])
 
 
 def test_json_of_other_commands(files, json_of):
