@@ -10,13 +10,14 @@ from __future__ import annotations
 import base64
 import html
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from feedplan.tolerances import ToleranceTime, tolerance_facts
 from feedplan.verdict import Verdict, to_json
 from planner.errors import InputError
 from planner.files.whole_file import require_writable, whole_file
@@ -45,6 +46,7 @@ def write_report(
     verdict: Verdict,
     *,
     lines: LineTimes | None = None,
+    tolerances: Sequence[ToleranceTime] = (),
     progress: Callable[[str], None] = lambda _: None,
 ) -> None:
     """Write a plan and the verdict on it as one HTML page, whole or not at all.
@@ -57,13 +59,16 @@ def write_report(
         The plan, its limits, its samples and what was found about both.
     lines : LineTimes, optional
         Of a part program, for this plan; the page then shows the line at every time, and which lines take longest.
+    tolerances : sequence of ToleranceTime
+        What :func:`time_of_tolerances` found for a part program; the page then shows time against tolerance.
     progress : callable
         Is told what is being done.
 
     Raises
     ------
     InputError
-        If the suffix is another one, the file cannot be written, or the lines are those of another plan.
+        If the suffix is another one, the file cannot be written, the lines are those of another plan, or tolerances are
+        given for what is no part program.
     """
     require_instance(verdict, Verdict, "verdict")
     require_report(path)
@@ -73,6 +78,7 @@ def write_report(
         raise InputError(
             f"the lines are of another plan than {curve.name}: their limits are {', '.join(lines.limit_names)}"
         )
+    bought = _tolerance_facts(verdict, tolerances) if tolerances else None
     progress("evaluating the plan for the report")
     traces = trace_plan(curve, limits, profile, _most_points(curve.dim, curve.tip.dim))
     chords = trace_chord_error(curve, verdict.samples, _MAX_CHORDS)
@@ -93,6 +99,7 @@ def write_report(
         "chords": _trace_facts(chords),
         "origin": [list(pair) for pair in verdict.facts],
         "lines": None if lines is None else _line_facts(lines, profile),
+        "tolerances": bought,
     }
     progress(f"writing {path}")
     with whole_file(path) as file:
@@ -182,6 +189,13 @@ def _line_facts(lines: LineTimes, profile: FeedrateProfile) -> dict[str, Any]:
             "dwell": lines.dwell[top].tolist(),
         },
     }
+
+
+def _tolerance_facts(verdict: Verdict, tolerances: Sequence[ToleranceTime]) -> dict[str, Any]:
+    """What the plan takes within its own tolerance and within others, from the smallest to the largest."""
+    now = ToleranceTime.of(verdict.program, verdict.profile, verdict.plan_report)
+    rows = sorted(tolerances, key=lambda row: row.tolerance)
+    return {"now": tolerance_facts(now, [now])[0], "rows": tolerance_facts(now, rows)}
 
 
 def _finite(value: float) -> float | None:

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any
 from planner.errors import CurveError, InfeasibleError, InputError, SolverError
 
 if TYPE_CHECKING:
-    from feedplan.job import Job
     from planner.machine.limits import Limits
     from planner.profile import FeedrateProfile
+    from planner.programs.path.smooth_path import ProgramPath
     from planner.types import Progress
     from planner.verify import Report
 
@@ -60,11 +60,13 @@ class ToleranceTime:
         return not self.ok and not math.isnan(self.seconds)
 
     @classmethod
-    def of(cls, job: Job, profile: FeedrateProfile, report: Report, tolerance: float | None = None) -> ToleranceTime:
-        """What a plan of a part program, and the check of it, say; left out, the tolerance is the largest in force."""
-        if job.path is None:
-            raise InputError(f"{job.curve.name} has no tolerance to choose; that needs a part program")
-        path, reason = job.path, ""
+    def of(
+        cls, path: ProgramPath | None, profile: FeedrateProfile, report: Report, tolerance: float | None = None
+    ) -> ToleranceTime:
+        """What a plan of a part program's path, and the check of it, say; left out, the largest tolerance in force."""
+        if path is None:
+            raise InputError(f"{profile.curve.name} has no tolerance to choose; that needs a part program")
+        reason = ""
         if tolerance is None:
             within = path.curve.made_within
             tolerance = path.tolerance if within is None else path.tolerance / within.share
@@ -129,7 +131,7 @@ def time_of_tolerances(
         except (CurveError, InfeasibleError, SolverError) as error:
             found.append(ToleranceTime(tolerance, reason=str(error)))
             continue
-        found.append(ToleranceTime.of(job, profile, job.check(profile), tolerance))
+        found.append(ToleranceTime.of(job.path, profile, job.check(profile), tolerance))
     return tuple(found)
 
 

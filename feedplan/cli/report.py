@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from feedplan.cli import options
-from feedplan.cli.app import report_verdict
+from feedplan.cli.app import BROKEN, report_verdict
 from feedplan.cli.streams import Streams
 from feedplan.job import load_job_of_table
+from feedplan.sources import require_program
 
 if TYPE_CHECKING:
     from planner.geometry.tolerance import PathKind
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
         "\b\nExamples:\n"
         "  feedplan report table.csv butterfly-nurbs -o report.html\n"
         "  feedplan plan butterfly-nurbs --report report.html\n"
+        "  feedplan report table.csv part.ngc -o report.html --tolerances-um 1,5,10,50\n"
     ),
 )
 @options.table
@@ -32,6 +34,7 @@ if TYPE_CHECKING:
 @options.layer
 @options.chain
 @options.tolerance
+@options.tolerances
 @options.tools
 @options.setup
 @options.ignore
@@ -49,6 +52,7 @@ def report(
     layer: str | None,
     chain: int | None,
     tolerance_mm: float | None,
+    tolerances: tuple[float, ...] | None,
     tools: Path | None,
     setup: str | None,
     ignore: tuple[str, ...],
@@ -59,7 +63,8 @@ def report(
     """Write a feedrate table as a page for a browser.
 
     One file that needs no network: the path by feed, the use of every limit over time, the verdict, and for part programs
-    the time of each line.  Without --machine the limits in the table's own header count.
+    the time of each line and, with --tolerances-um, what another tolerance saves.  Without --machine the limits in the
+    table's own header count.
     """
     with Streams() as at:
         from feedplan.page import require_report, write_report
@@ -67,29 +72,27 @@ def report(
         table, curve = at.table(table), at.curve(curve)
         page = at.output(output, ".html") or output
         require_report(page)
+        if tolerances is not None:
+            require_program(curve, "--tolerances-um")
         from feedplan.progress import ProgressLine
+        from feedplan.tolerances import ToleranceTime, time_of_tolerances
         from planner import read_table
 
-        job = load_job_of_table(
-            table,
-            curve,
-            machine,
-            complete=complete,
-            scale=scale,
-            tolerance=tolerance_mm,
-            tools=tools,
-            ignore=ignore,
-            reader=reader,
-            path=path,
-            setup=setup,
-            layer=layer,
-            chain=chain,
-        )
+        given: dict[str, Any] = {
+            "complete": complete, "scale": scale, "tools": tools, "ignore": ignore, "reader": reader, "setup": setup,
+            "path": path, "layer": layer, "chain": chain,
+        }  # fmt: skip
+        job = load_job_of_table(table, curve, machine, tolerance=tolerance_mm, **given)
         with ProgressLine() as line:
             line("reading the table")
             profile = read_table(table, job.curve)
             verdict = job.judge(profile, line, files=(at.told(str(page)),))
             verdict = replace(verdict, machine=at.told(verdict.machine))
             lines = None if job.program is None else job.line_times(profile)
-            write_report(page, verdict, lines=lines, progress=line)
+            others: tuple[ToleranceTime, ...] = ()
+            if tolerances is not None:
+                others = time_of_tolerances(curve, machine, tolerances, table=table, progress=line, **given)
+            write_report(page, verdict, lines=lines, tolerances=others, progress=line)
         report_verdict(verdict, as_json, aside=at.taken)
+        if any(row.breaks for row in others):
+            raise click.exceptions.Exit(BROKEN)

@@ -93,7 +93,7 @@ def time(
             if output is not None:
                 line(f"writing {output}")
                 write_line_times(output, times, at.told(program), report.summary(), without_jerk=without)
-            now, others = ToleranceTime.of(job, profile, report), None
+            now, others = ToleranceTime.of(job.path, profile, report), None
             if tolerances is not None:
                 others = time_of_tolerances(program, machine, tolerances, progress=line, **given)
         if as_json:

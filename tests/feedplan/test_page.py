@@ -13,12 +13,15 @@ from importlib import resources
 
 import numpy as np
 import pytest
+from cases import PROGRAMS
 from motions import line_of_a_program, plan_along, scurve
 
 import feedplan.page
 import interp
 from feedplan.cli import app
+from feedplan.job import load_job
 from feedplan.page import require_report, write_report
+from feedplan.tolerances import ToleranceTime, time_of_tolerances, tolerance_facts
 from feedplan.verdict import Verdict, to_json
 from planner import InputError, Limits, Samples, __version__, check, load_curve, load_limits, write_table
 from planner.geometry.nurbs import NurbsCurve
@@ -29,6 +32,7 @@ from planner.profile import make_profile
 from planner.programs.times import LineTimes, times_at
 from planner.verify import Report
 
+SLOTS = PROGRAMS / "slots.ngc"
 FEED, ACCELERATION, JERK = 100.0, 1000.0, 20000.0
 LIMITS = Limits(120.0, [250.0, 250.0], [1500.0, 2000.0], [25000.0, np.inf], chord_error=1e-3, period=2e-3)
 CIRCLE = load_curve("circle")
@@ -97,6 +101,18 @@ def page(tmp_path_factory, verdict):
 @pytest.fixture(scope="module")
 def facts(page):
     return facts_of(page)
+
+
+@pytest.fixture(scope="module")
+def bought(tmp_path_factory):
+    """A program's plan, what its tolerance buys, one that has no plan among them, and the page of both."""
+    path = tmp_path_factory.mktemp("bought") / "r.html"
+    job = load_job(SLOTS, "mill")
+    profile = job.plan()
+    verdict = job.judge(profile)
+    rows = (*time_of_tolerances(SLOTS, "mill", (0.02, 0.001)), ToleranceTime(0.05, reason=NASTY))
+    write_report(path, verdict, tolerances=rows)
+    return verdict, rows, path
 
 
 class TestNumbers:
@@ -267,6 +283,22 @@ class TestLines:
         assert list(tmp_path.iterdir()) == []
 
 
+class TestTolerances:
+    def test_the_plan_and_what_others_take(self, bought):
+        verdict, rows, page = bought
+        now = ToleranceTime.of(verdict.program, verdict.profile, verdict.plan_report)
+        found = facts_of(page)["tolerances"]
+        assert found["now"]["seconds"] == verdict.profile.duration
+        assert found["rows"] == tolerance_facts(now, sorted(rows, key=lambda row: row.tolerance))
+        assert [row["tolerance_mm"] for row in found["rows"]] == [0.001, 0.02, 0.05]
+
+    def test_a_curve_has_none(self, tmp_path, verdict, bought):
+        with pytest.raises(InputError, match="circle has no tolerance to choose; that needs a part program"):
+            write_report(tmp_path / "r.html", verdict, tolerances=bought[1])
+        write_report(tmp_path / "r.html", verdict)
+        assert facts_of(tmp_path / "r.html")["tolerances"] is None
+
+
 class _Tags(HTMLParser):
     def __init__(self):
         super().__init__()
@@ -379,6 +411,20 @@ class TestCommandLine:
         assert f"{facts_of(tmp_path / 'r.html')['duration_s']:.6g} s" in out
         assert facts_of(tmp_path / "r.html")["saved_by_one_percent_s"]["feed"] > 0.0
 
+    def test_of_a_program_it_tells_what_the_tolerance_buys(self, run, tmp_path):
+        assert run("plan", SLOTS, "-o", tmp_path / "t.csv")[0] == 0
+        words = ("report", tmp_path / "t.csv", SLOTS, "-o", tmp_path / "r.html", "--tolerances-um", "20,1")
+        assert run(*words)[0] == 0
+        rows = facts_of(tmp_path / "r.html")["tolerances"]["rows"]
+        wanted = time_of_tolerances(SLOTS, "mill", (0.001, 0.02))
+        assert [row["seconds"] for row in rows] == pytest.approx([row.seconds for row in wanted], rel=1e-6)
+
+    def test_a_curve_has_no_tolerance_to_choose(self, run, tmp_path, profile):
+        write_table(tmp_path / "t.csv", profile, LIMITS)
+        words = ("report", tmp_path / "t.csv", "circle", "-o", tmp_path / "r.html", "--tolerances-um", "20,1")
+        code, _, err = run(*words)
+        assert (code, err.partition(";")[0]) == (2, "error: circle has no lines")
+
     @pytest.mark.parametrize("command", [("report", "t.csv", "circle", "-o"), ("plan", "circle", "--report")])
     def test_a_bad_name_is_refused_before_the_work(self, run, command):
         code, out, err = run(*command, "report.pdf")
@@ -474,6 +520,17 @@ class TestBrowser:
         nearest = int(np.argmin(np.abs(profile.t - AT)))
         assert found["h"] == profile.limit_names[profile.binding[nearest]].replace("none", "no limit")
         assert int(found["l"]) == 10 + 2 * int(state.s / (CIRCLE.length / 40))
+
+    def test_what_the_tolerance_buys_is_drawn(self, bought):
+        verdict, rows, page = bought
+        dom = opened(page, page.parent, "--dump-dom")
+        assert 'data-state="ready"' in dom
+        assert len(re.findall("<canvas", re.search(r'id="tolerance-plot".*?</div>', dom, re.DOTALL)[0])) == 2
+        text = text_of(dom, "tolerance-table")
+        assert f"10, now {verdict.profile.duration:.4f}" in text
+        assert f"1 {rows[1].seconds:.4f} \N{MINUS SIGN}" in text
+        assert "50 no plan" in text
+        assert "<b>" not in re.search(r'id="tolerance-notes".*?</p>', dom, re.DOTALL)[0]
 
     def test_it_answers_to_hands(self, seen, profile):
         assert seen["dragged"] == pytest.approx([1.0, 2.0], abs=0.01)

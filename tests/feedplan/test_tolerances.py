@@ -39,7 +39,7 @@ def now():
 
 def planned(job):
     profile = job.plan()
-    return ToleranceTime.of(job, profile, job.check(profile))
+    return ToleranceTime.of(job.path, profile, job.check(profile))
 
 
 class TestRows:
@@ -114,7 +114,7 @@ class TestWithoutPlan:
         job = load_job(SLOTS, "mill")
         profile = job.plan()
         weaker = dataclasses.replace(job, limits=job.limits.with_feed(50.0))
-        broken = ToleranceTime.of(job, profile, weaker.check(profile))
+        broken = ToleranceTime.of(job.path, profile, weaker.check(profile))
         assert broken.breaks
         assert broken.reason.startswith("breaks feed: 2")
         assert "LIMIT BROKEN breaks feed: 2" in flat("\n".join(tolerance_lines(now, [broken])))
