@@ -29,6 +29,7 @@ from planner.profile import FeedrateProfile
 from planner.quantity import ACCELERATION, JERK
 
 if TYPE_CHECKING:
+    from feedplan.slow_corner import SlowCorner
     from planner.programs.times import LineTimes
 
 _SUFFIXES = (".html", ".htm")
@@ -47,6 +48,7 @@ def write_report(
     *,
     lines: LineTimes | None = None,
     tolerances: Sequence[ToleranceTime] = (),
+    corner: SlowCorner | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> None:
     """Write a plan and the verdict on it as one HTML page, whole or not at all.
@@ -61,6 +63,8 @@ def write_report(
         Of a part program, for this plan; the page then shows the line at every time, and which lines take longest.
     tolerances : sequence of ToleranceTime
         What :func:`time_of_tolerances` found for a part program; the page then shows time against tolerance.
+    corner : SlowCorner, optional
+        The corner of a part program that the page shows close.
     progress : callable
         Is told what is being done.
 
@@ -100,6 +104,7 @@ def write_report(
         "origin": [list(pair) for pair in verdict.facts],
         "lines": None if lines is None else _line_facts(lines, profile),
         "tolerances": bought,
+        "corner": None if corner is None else _corner_facts(corner),
     }
     progress(f"writing {path}")
     with whole_file(path) as file:
@@ -188,6 +193,20 @@ def _line_facts(lines: LineTimes, profile: FeedrateProfile) -> dict[str, Any]:
             "share": lines.share[top].tolist(),
             "dwell": lines.dwell[top].tolist(),
         },
+    }
+
+
+def _corner_facts(slow: SlowCorner) -> dict[str, Any]:
+    """A corner as a picture, and what to say of it."""
+    from planner.output.corner_view import plot_corner
+    from planner.output.figures import svg_of
+
+    picture = base64.b64encode(svg_of(plot_corner(slow.corner))).decode("ascii")
+    return {
+        "lines": slow.lines,
+        "lost_s": slow.lost,
+        "turn": slow.corner.turn,
+        "picture": f"data:image/svg+xml;base64,{picture}",
     }
 
 

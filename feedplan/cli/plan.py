@@ -232,9 +232,10 @@ class Files:
             save_plot(self.plot, plot_plan(job.curve, limits, profile, verdict.samples, report, **self.drawing))
         if self.report is not None:
             from feedplan.page import write_report
+            from feedplan.slow_corner import slowest_corner
 
             lines = job.line_times(profile) if job.program else None
-            write_report(self.report, verdict, lines=lines, progress=line)
+            write_report(self.report, verdict, lines=lines, corner=slowest_corner(job, profile), progress=line)
 
 
 def _require_certifiable(certificate: Path, method: MethodName) -> None:

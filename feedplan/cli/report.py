@@ -75,6 +75,7 @@ def report(
         if tolerances is not None:
             require_program(curve, "--tolerances-um")
         from feedplan.progress import ProgressLine
+        from feedplan.slow_corner import slowest_corner
         from feedplan.tolerances import ToleranceTime, time_of_tolerances
         from planner import read_table
 
@@ -92,7 +93,8 @@ def report(
             others: tuple[ToleranceTime, ...] = ()
             if tolerances is not None:
                 others = time_of_tolerances(curve, machine, tolerances, table=table, progress=line, **given)
-            write_report(page, verdict, lines=lines, tolerances=others, progress=line)
+            corner = slowest_corner(job, profile)
+            write_report(page, verdict, lines=lines, tolerances=others, corner=corner, progress=line)
         report_verdict(verdict, as_json, aside=at.taken)
         if any(row.breaks for row in others):
             raise click.exceptions.Exit(BROKEN)

@@ -83,6 +83,14 @@ class Corner:
                 raise InputError(f"{name} = {getattr(self, name)} is the vertex itself; a block has a length")
 
     @property
+    def turn(self) -> float:
+        """Angle between the directions of the two blocks, degrees."""
+        a, b = self.vertex - self.before, self.after - self.vertex
+        # The arc tangent of half the angle keeps its digits at 0 and at 180 degrees.
+        a, b = a / np.linalg.norm(a), b / np.linalg.norm(b)
+        return float(np.rad2deg(2.0 * np.arctan2(np.linalg.norm(b - a), np.linalg.norm(b + a))))
+
+    @property
     def plane(self) -> FloatArray:
         """Two unit vectors, (2, d): along the block before, and across it."""
         along, leaving = self.vertex - self.before, self.after - self.vertex

@@ -6,10 +6,11 @@ changes them.
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import matplotlib as mpl
 import numpy as np
@@ -72,7 +73,19 @@ def save_plot(path: str | Path, figure: Figure) -> None:
     """
     suffix = figure_format(path)
     require_instance(figure, Figure, "figure")
-    with figure_style(), whole_file(path) as file:
+    with whole_file(path) as file:
+        _write(figure, file, suffix)
+
+
+def svg_of(figure: Figure) -> bytes:
+    """Return a figure as what ``save_plot`` writes into an .svg file."""
+    file = io.BytesIO()
+    _write(figure, file, ".svg")
+    return file.getvalue()
+
+
+def _write(figure: Figure, file: IO[bytes], suffix: str) -> None:
+    with figure_style():
         figure.savefig(file, format=suffix[1:], dpi=_PIXELS_PER_INCH, metadata=_NO_DATES[suffix])
 
 

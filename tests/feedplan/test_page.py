@@ -21,12 +21,15 @@ import interp
 from feedplan.cli import app
 from feedplan.job import load_job
 from feedplan.page import require_report, write_report
+from feedplan.slow_corner import slowest_corner
 from feedplan.tolerances import ToleranceTime, time_of_tolerances, tolerance_facts
 from feedplan.verdict import Verdict, to_json
 from planner import InputError, Limits, Samples, __version__, check, load_curve, load_limits, write_table
 from planner.geometry.nurbs import NurbsCurve
 from planner.law import TimeLaw
 from planner.machine.feed_limits import COMMANDS
+from planner.output.corner_view import plot_corner
+from planner.output.figures import svg_of
 from planner.output.palette import dash_lengths, limit_colour
 from planner.profile import make_profile
 from planner.programs.times import LineTimes, times_at
@@ -299,6 +302,42 @@ class TestTolerances:
         assert facts_of(tmp_path / "r.html")["tolerances"] is None
 
 
+@pytest.fixture(scope="module")
+def cornered(tmp_path_factory):
+    """The page of a program with a sharp corner, and that corner."""
+    folder = tmp_path_factory.mktemp("cornered")
+    (folder / "c.ngc").write_text("G21 G90 G64 P0.01\nF6000\nG0 X0 Y0\nG1 X20\nY20\nM2\n")
+    job = load_job(folder / "c.ngc", "mill")
+    profile = job.plan()
+    slow = slowest_corner(job, profile)
+    write_report(folder / "r.html", job.judge(profile), corner=slow)
+    return folder / "r.html", slow
+
+
+class TestCorner:
+    def test_the_page_has_its_picture(self, cornered):
+        page, slow = cornered
+        found = facts_of(page)["corner"]
+        assert (found["lines"], found["lost_s"], found["turn"]) == (list(slow.lines), slow.lost, slow.corner.turn)
+        kind, _, data = found["picture"].partition(";base64,")
+        assert kind == "data:image/svg+xml"
+        assert base64.b64decode(data) == svg_of(plot_corner(slow.corner))
+        assert len(data) < 250_000
+
+    def test_other_pages_have_none(self, facts):
+        assert facts["corner"] is None
+
+    def test_plan_and_report_show_it(self, tmp_path, cornered):
+        program, table = cornered[0].parent / "c.ngc", tmp_path / "t.csv"
+        pages = [tmp_path / name for name in ("plan.html", "report.html")]
+        for words in (("plan", program, "--machine", "mill", "-o", table, "--report", pages[0]),
+                      ("report", table, program, "-o", pages[1])):  # fmt: skip
+            with pytest.raises(SystemExit) as stop:
+                app([str(word) for word in words], prog_name="feedplan")
+            assert not stop.value.code
+        assert [facts_of(page)["corner"]["lines"] for page in pages] == [[4, 5], [4, 5]]
+
+
 class _Tags(HTMLParser):
     def __init__(self):
         super().__init__()
@@ -477,6 +516,7 @@ byId("line-table").querySelector("th button").click();
 seen.sorted = [...byId("line-table").tBodies[0].rows].map((row) => Number(row.cells[0].textContent));
 byId("limits").tBodies[0].rows[0].click();
 seen.limit = view.at;
+seen.hidden = ["tolerances", "corner"].map((id) => getComputedStyle(byId(id)).display);
 document.body.dataset.seen = JSON.stringify(seen);
 """
 
@@ -520,6 +560,17 @@ class TestBrowser:
         nearest = int(np.argmin(np.abs(profile.t - AT)))
         assert found["h"] == profile.limit_names[profile.binding[nearest]].replace("none", "no limit")
         assert int(found["l"]) == 10 + 2 * int(state.s / (CIRCLE.length / 40))
+
+    def test_what_a_curve_has_not_is_not_there(self, seen):
+        assert seen["hidden"] == ["none", "none"]
+
+    def test_the_slowest_corner_is_drawn(self, cornered):
+        page, slow = cornered
+        dom = opened(page, page.parent, "--dump-dom")
+        assert 'data-state="ready"' in dom
+        before, behind = slow.lines
+        assert f"Between lines {before} and {behind}, a turn of 90°" in text_of(dom, "corner-about")
+        assert re.search(r'id="corner-picture"[^>]* src="data:image/svg', dom)
 
     def test_what_the_tolerance_buys_is_drawn(self, bought):
         verdict, rows, page = bought

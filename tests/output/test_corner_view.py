@@ -37,6 +37,12 @@ RIGHT_ANGLE = corner([-20.0, 0.0], [0.0, 0.0], [0.0, 20.0], passing(chamfer()))
 
 
 class TestPlane:
+    @pytest.mark.parametrize("degrees", [0.0, 1e-7, 30.0, 90.0, 179.9999999, 180.0])
+    def test_the_turn_is_the_angle_between_the_blocks(self, degrees):
+        a = np.radians(degrees)
+        found = corner([-3.0, 0.0], [0.0, 0.0], [7.0 * np.cos(a), 7.0 * np.sin(a)], passing(chamfer()))
+        assert found.turn == pytest.approx(degrees, abs=1e-12)
+
     def test_a_right_angle_is_seen_as_it_lies(self):
         assert RIGHT_ANGLE.plane == pytest.approx(np.eye(2))
 
