@@ -20,10 +20,10 @@ from planner.joint.joint_run import JointMotion, JointRun
 from planner.law import TimeLaw
 from planner.types import BoolArray, FloatArray, IntArray
 
-# Parts of v and a across a line, against the largest of each on the run, that are rounding: well below the steps that a
-# check sees.  With these at both ends the jerk is along it too.
+# Parts of v and a across a line that are rounding, well below the steps that a check sees: against the largest on the piece,
+# beside a rest on the run.  With these at both ends the jerk is along it too.
 _STRAIGHT = (1e-10, 1e-8)
-_SAME_WAY = 1e-12  # of the cosine
+_SAME_WAY = 1e-9  # of the direction
 _NEAR = 1e-6  # of a piece: what rounding leaves of a double root, and what is too short to be one
 _BETWEEN = np.array([0.0, 0.1, 0.3, 0.6])  # of a piece: where the abscissa is looked at
 _EMPTY = 1e-13  # of the duration: a piece that rounding left a length
@@ -77,7 +77,7 @@ def pieces_of(run: JointRun, motion: JointMotion) -> JointPart:
     t, state, jerk, leg = _cut_where_turning(motion)
     step = np.diff(t)
     straight, along, length = _straight(state, jerk, step)
-    if not (straight[0] and straight[-1]):
+    if not (straight[0] and straight[-1] and _rests(motion)):
         raise SolverError("the motion found does not begin and end at rest")
     pace = float(run.lengths.sum() / t[-1])
     # Legs go on as long as their direction does.
@@ -101,6 +101,12 @@ def pieces_of(run: JointRun, motion: JointMotion) -> JointPart:
     begins = np.flatnonzero(np.diff(leg, prepend=-1, append=-1))
     at, abscissa = _abscissae(run, (t, u), (state, jerk, leg), straight)
     return JointPart(edges, kind, powers, turns, at, abscissa, u[begins], law, motion.iterations)
+
+
+def _rests(motion: JointMotion) -> bool:
+    """Whether a motion begins and ends at rest, but for rounding."""
+    sizes = zip(_STRAIGHT, (motion.velocity, motion.acceleration), strict=True)
+    return all(bool(np.abs(rates[[0, -1]]).max() <= share * np.abs(rates).max()) for share, rates in sizes)
 
 
 def _cut_where_turning(motion: JointMotion) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
@@ -144,24 +150,28 @@ def _turning_times(state: FloatArray, jerk: FloatArray, step: float) -> list[flo
 
 
 def _straight(state: FloatArray, jerk: FloatArray, step: FloatArray) -> tuple[BoolArray, FloatArray, FloatArray]:
-    """Pieces on which v, a and j are parallel; the direction of each from its start to its end, (n, d), and its length."""
+    """Pieces on which v, a and j are parallel; the direction of each, (n, d), and its length."""
     h = step[:, None]
     along = h * (state[1, :-1] + h * (0.5 * state[2, :-1] + h * (jerk / 6.0)))
     length = np.sqrt(_squares(along))
+    # What rounding leaves at the rests must not turn the tangent at their other ends.
+    along[[0, -1]] = state[1, [1, -2]]
     with np.errstate(divide="ignore", invalid="ignore"):
-        along = np.nan_to_num(along / length[:, None])
+        along = np.nan_to_num(along / np.sqrt(_squares(along))[:, None])
     straight = length > 0.0
     for share, vectors in zip(_STRAIGHT, state[1:], strict=True):
-        allowed = share * float(np.sqrt(_squares(vectors).max()))
+        size = np.sqrt(_squares(vectors))
+        own = np.maximum(size[:-1], size[1:])
+        own[[0, -1]] = size.max()
         for part in (vectors[:-1], vectors[1:]):
             across = part - np.sum(part * along, axis=1)[:, None] * along
-            straight &= _squares(across) <= allowed**2
+            straight &= _squares(across) <= (share * own) ** 2
     return straight, along, length
 
 
 def _goes_on(along: FloatArray) -> BoolArray:
     """Whether the direction of each piece is that of the one before it."""
-    return np.asarray(np.sum(along[1:] * along[:-1], axis=1) > 1.0 - _SAME_WAY)
+    return np.asarray(np.abs(along[1:] - along[:-1]).max(axis=1) < _SAME_WAY)
 
 
 def _squares(vectors: FloatArray) -> FloatArray:
