@@ -108,6 +108,11 @@ class ChainCurve(Curve):
         return float(self.edges[0]), float(self.edges[-1])
 
     @property
+    def demanded_stops(self) -> FloatArray:
+        """Those of the program."""
+        return self.stops
+
+    @property
     def columns(self) -> int:
         """Number of columns of the pieces: the axes, and what else the tip is made of."""
         return int(self.legs.vectors.shape[2])

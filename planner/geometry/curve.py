@@ -167,6 +167,11 @@ class Curve(ABC):
         """Everything that determines the curve, as plain data; hashed into :attr:`fingerprint`."""
 
     @property
+    def demanded_stops(self) -> FloatArray:
+        """Inner parameters at which the path is stopped exactly, whatever its shape."""
+        return np.empty(0)
+
+    @property
     def dim(self) -> int:
         """Number of machine axes."""
         return len(self.axes)

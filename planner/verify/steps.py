@@ -18,6 +18,7 @@ from planner.verify.sizes import STEP_PEAK, STEP_REACH, VELOCITY_STEP, group_siz
 
 # Steps of the acceleration below this fraction of the largest value are rounding, like those of the velocity.
 _ACCELERATION_STEP = 1e-6
+_TURNED_BACK = np.pi - 1e-6  # rad
 
 
 def check_steps(motion: Motion, scan: Scan, limits: Limits, rows: Rows, density: int) -> None:
@@ -139,16 +140,25 @@ def _jerk_near(motion: Motion, scan: Scan, t: FloatArray, reach: float, density:
 
 
 def check_corners(motion: Motion, scan: Scan, limits: Limits, rows: Rows) -> None:
-    """At a corner the plan must stand still, with no acceleration on either side of axes that have a jerk limit."""
+    """At a corner the plan must stand still, with no acceleration on either side of axes that have a jerk limit.
+
+    Where the path turns back on itself and no stop is demanded, an acceleration may go on: the one before and the one after
+    must be the same.
+    """
     dim = motion.curve.dim
     corners = [b.u for b in motion.curve.breaks if b.is_corner]
+    turns = [b.u for b in motion.curve.breaks if b.is_corner and b.angle > _TURNED_BACK]
     before = np.flatnonzero(np.isin(motion.u_ends[1, :-1], corners))
     if before.size == 0:
         return
     span = np.concatenate([before, before + 1])
     x = np.concatenate([motion.upper[before], motion.lower[before + 1]])
-    measured = np.abs(motion.measure(span, x[:, None])[0][..., 0])
+    measured = motion.measure(span, x[:, None])[0][..., 0]
     values = [measured[axis_rows(dim, k)] for k in range(2)]
+    at = motion.u_ends[1, before]
+    goes_on = np.isin(at, turns) & ~np.isin(at, motion.curve.demanded_stops)
+    first, second = values[1][:, : before.size], values[1][:, before.size :]
+    values = [np.abs(values[0]), np.abs(np.where(np.tile(goes_on, 2), np.tile(second - first, 2), values[1]))]
     linear = np.array(motion.curve.axis_units) == "mm"
     velocity = np.where(linear, np.minimum(limits.velocity, limits.feed), limits.velocity)
     for name, k, allowed, share, power in (

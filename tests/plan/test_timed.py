@@ -7,7 +7,8 @@ import pytest
 from cases import drives
 from program_blocks import line, program
 
-from planner import InputError, certify, check, plan_feedrate
+from interp import replay
+from planner import InputError, SolverError, certify, check, plan_feedrate
 from planner.law import TimeLaw, Timing
 from planner.programs.path.smooth_path import program_path
 
@@ -93,3 +94,42 @@ def test_stretches_are_known_by_their_ends():
     assert timing.between(2.0, 4.0) is None
     assert timing.between(1.0, 3.0) is None
     assert [timing.covers(u) for u in (1.0, 2.0, 2.5, 3.0, 9.0)] == [False, False, True, False, False]
+
+
+def turning(*stops):
+    """Out along X and back, and out again."""
+    moves = [line(10, 0), line(0, 0, stop=bool(stops)), line(10, 0)]
+    path = program_path(program(*moves, tolerance=0.01), None, LIMITS)
+    return path.curve, LIMITS.for_curve(path.curve)
+
+
+def test_a_path_that_turns_back_is_not_stopped_at_the_turn():
+    curve, limits = turning()
+    profile = plan_feedrate(curve, limits)
+    for plan in (profile, replay(curve, profile, limits.period)):
+        report = check(curve, limits, plan)
+        assert report.ok, str(report)
+    # each of the two turns saves A / J beside an exact stop, less the way that is left to go at speed
+    stopping = plan_feedrate(curve, limits, intervals=1200)
+    assert check(curve, limits, stopping).ok
+    assert stopping.duration - profile.duration == pytest.approx(2 * 0.048, rel=0.01)
+    at = np.flatnonzero((profile.u_rate == 0.0) & (profile.t > 0.0) & (profile.t < profile.duration))
+    assert at.size == 4
+    assert profile.u_acceleration[at] == pytest.approx([-1000.0, 1000.0] * 2, rel=1e-5)
+
+
+def test_a_plan_that_turns_back_has_no_bound():
+    curve, limits = turning()
+    profile = plan_feedrate(curve, limits)
+    assert np.isnan(profile.lower_bound)
+    with pytest.raises(SolverError, match=r"no lower bound.*turns back at u = 9\.99"):
+        certify(curve, limits, profile)
+    assert not np.isnan(plan_feedrate(curve, limits, intervals=600).lower_bound)
+
+
+def test_where_a_stop_is_demanded_it_stops():
+    curve, limits = turning("after the way back")
+    profile = plan_feedrate(curve, limits)
+    assert check(curve, limits, profile).ok
+    at = np.flatnonzero(profile.u == curve.stops[0])
+    assert profile.u_acceleration[at].tolist() == [0.0, 0.0]

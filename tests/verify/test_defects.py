@@ -16,7 +16,10 @@ from check_plans import (
     unlimited,
     with_columns,
 )
+from joint_motions import there_and_back as there_and_back_of_jerks
 
+from planner.geometry.blend import Legs
+from planner.geometry.chain import ChainCurve
 from planner.geometry.nurbs import NurbsCurve
 from planner.machine.limits import Limits
 from planner.samples import Samples
@@ -233,6 +236,51 @@ def test_a_corner_reached_with_acceleration_fails(corner):
     assert row.worst == pytest.approx(a)
     assert row.t == pytest.approx(2 * half)
     assert row.u == 0.5
+
+
+def there_and_back(slower=1.0, *, stop=False):
+    """Out along X to a turn at constant acceleration and back, the way back with so much less of it; the nodes, the path."""
+    part = there_and_back_of_jerks()[1]
+    far = float(part.position[4, 0])
+    direction = np.array([[1.0, 0.0], [-1.0, 0.0]])
+    vectors = np.zeros((2, 4, 2))
+    vectors[:, 0], vectors[:, 3] = [[0.0, 0.0], [far, 0.0]], direction
+    none = np.empty(0)
+    stops = np.array([far]) if stop else none
+    path = ChainCurve(
+        np.array([0.0, far, 2.0 * far]), np.zeros(2, np.int8), np.arange(2), np.zeros(2), Legs(vectors, np.zeros((2, 2))),
+        None, np.empty((0, 2, 5)), np.array([far]), stops, none,
+    )  # fmt: skip
+    t, x, v, a = part.t[:5], part.position[:5, 0], np.abs(part.velocity[:5, 0]), part.acceleration[:5, 0]
+    v[-1] = 0.0
+    nodes = (
+        np.concatenate([t, t[-1] + slower * (t[-1] - t[::-1])]),
+        np.concatenate([x, 2.0 * far - x[::-1]]),
+        np.concatenate([v, v[::-1] / slower]),
+        np.concatenate([a, -a[::-1] / slower**2]),
+    )
+    return path, nodes
+
+
+def test_a_path_that_turns_back_may_keep_its_acceleration():
+    path, nodes = there_and_back()
+    report = check(path, CORNER_LIMITS, profile_on(path, CORNER_LIMITS, nodes))
+    assert report.ok, str(report)
+    assert report.row("acceleration at an exact stop").worst == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_turn_at_another_acceleration_fails():
+    path, nodes = there_and_back(1.01)
+    report = check(path, CORNER_LIMITS, profile_on(path, CORNER_LIMITS, nodes))
+    assert failing(report) == {("acceleration at an exact stop", "")}
+    assert report.row("acceleration at an exact stop").worst == pytest.approx(200.0 * (1.0 - 1.01**-2), rel=1e-6)
+
+
+def test_a_stop_that_is_demanded_where_the_path_turns_back_is_one():
+    path, nodes = there_and_back(stop=True)
+    report = check(path, CORNER_LIMITS, profile_on(path, CORNER_LIMITS, nodes))
+    assert failing(report) == {("acceleration at an exact stop", "")}
+    assert report.row("acceleration at an exact stop").worst == pytest.approx(200.0, rel=1e-6)
 
 
 RADIUS = 20.0

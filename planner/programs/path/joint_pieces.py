@@ -24,7 +24,9 @@ from planner.types import BoolArray, FloatArray, IntArray
 # beside a rest on the run.  With these at both ends the jerk is along it too.
 _STRAIGHT = (1e-10, 1e-8)
 _SAME_WAY = 1e-9  # of the direction
-_NEAR = 1e-6  # of a piece: what rounding leaves of a double root, and what is too short to be one
+_NEAR = 1e-2  # of a piece: nearer to a turn no node stands, since digits of u would be worth a jerk
+_DOUBLE = 1e-6  # of the jerk: what rounding leaves of a double root
+_MAX_SLOWED = 1e-3
 _BETWEEN = np.array([0.0, 0.1, 0.3, 0.6])  # of a piece: where the abscissa is looked at
 _EMPTY = 1e-13  # of the duration: a piece that rounding left a length
 _FOOT_PASSES = 6  # of Newton, to the nearest point of a block
@@ -97,6 +99,8 @@ def pieces_of(run: JointRun, motion: JointMotion) -> JointPart:
         powers[~legs, :, order] = column[~legs] * h**order
     turns = straight[first[1:] - 1] & straight[first[1:]]
     law = _law(t, u, (state, straight, along), pace)
+    if turns.any():
+        law = _within_jerk(law, run, (u, straight, along))
     edges = u[np.append(first, last[-1])]
     begins = np.flatnonzero(np.diff(leg, prepend=-1, append=-1))
     at, abscissa = _abscissae(run, (t, u), (state, jerk, leg), straight)
@@ -146,7 +150,7 @@ def _turning_times(state: FloatArray, jerk: FloatArray, step: float) -> list[flo
     roots = np.roots([0.5 * jerk[axis], a[axis], v[axis]])
     inside = [float(root.real) for root in roots if root.imag == 0.0 and 0.0 <= root.real <= step]
     # A double root touches 0 and does not turn.
-    return [h for h in sorted(inside) if abs(a[axis] + jerk[axis] * h) > _NEAR * abs(jerk[axis]) * step]
+    return [h for h in sorted(inside) if abs(a[axis] + jerk[axis] * h) > _DOUBLE * abs(jerk[axis]) * step]
 
 
 def _straight(state: FloatArray, jerk: FloatArray, step: FloatArray) -> tuple[BoolArray, FloatArray, FloatArray]:
@@ -201,6 +205,21 @@ def _law(t: FloatArray, u: FloatArray, parts: tuple[FloatArray, BoolArray, Float
         np.where(right, rate_after[after], rate[before]),
         np.where(right, acceleration_after[after], acceleration[before]),
     )
+
+
+def _within_jerk(law: TimeLaw, run: JointRun, places: tuple[FloatArray, BoolArray, FloatArray]) -> TimeLaw:
+    """Slow a law down by what moving nodes to the places at which it turns made of the jerk on its legs."""
+    u, straight, along = places
+    i = np.flatnonzero(np.diff(law.t) > 0.0)
+    piece = np.clip(np.searchsorted(u, 0.5 * (law.u[i] + law.u[i + 1])) - 1, 0, straight.size - 1)
+    i, piece = i[straight[piece]], piece[straight[piece]]
+    c, h = law.coefficients(i), np.diff(law.t)[i]
+    jerk = np.stack([6.0 * c[3] + x * h * (24.0 * c[4] + x * h * 60.0 * c[5]) for x in (0.0, 0.2, 0.5, 0.8, 1.0)])
+    used = float((np.abs(jerk).max(axis=0)[:, None] * np.abs(along[piece]) / run.jerk).max())
+    slowed = max(1.0, float(np.cbrt(used)))
+    if slowed > 1.0 + _MAX_SLOWED:
+        raise SolverError("the motion found turns back too near to a change of its jerk")
+    return law.dilated(slowed)
 
 
 def _abscissae(

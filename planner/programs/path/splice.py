@@ -80,7 +80,6 @@ def spliced(placed: Placed, blocks: MovingBlocks, runs: list[tuple[int, int, Joi
     laws = []
     for u, (i, j, part) in zip(of_parts, runs, strict=True):
         joints.append(u + part.edges[1:-1])
-        stops.append(u + part.edges[1:-1][part.turns])
         ends[i : j + 1] = u + part.ends
         laws.append(replace(part.law, u=u + part.law.u))
     marks = (blocks.feed[1:] != blocks.feed[:-1]) | blocks.apart

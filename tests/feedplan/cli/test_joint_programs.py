@@ -1,4 +1,4 @@
-"""Programs whose path was found with its feed, on the command line: every command works on them, and tables make them again."""
+"""Programs whose path was found with its feed, on the command line: every command works on them, tables make them again."""
 
 import csv
 import re
@@ -118,7 +118,7 @@ def test_the_seconds_of_the_lines_add_up(run, part, tmp_path):
     # a rapid between stops is the same line either way
     assert of[15] == pytest.approx(separate[15], rel=1e-5)
     with lines.open() as file:
-        rows = [row for row in csv.DictReader(line for line in file if not line.startswith("#"))]
+        rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
     assert len(rows) == len(found["lines"])
 
 
