@@ -37,7 +37,7 @@ from planner.plan.refine import (
 from planner.plan.refine import plan_section as plan_and_refine
 from planner.plan.section import Section, cut
 from planner.plan.stage import WORTH_SAYING
-from planner.plan.timed import cut_around, laws_for, plan_timed, require_rests
+from planner.plan.timed import TimedCut, laws_for, require_rests
 from planner.plan.utilisation import utilisation
 from planner.profile import FeedrateProfile, make_profile
 from planner.quantity import ACCELERATION, TANGENTIAL_ACCELERATION
@@ -119,10 +119,8 @@ def plan_feedrate(
     plain = method == "optimal" and intervals is None and not periodic and not reserve
     require_rests(curve, start, end)
     timing = laws_for(curve, limits) if plain else None
-    if timing is None:
-        sections = cut(curve, limits, start, end, exact_stop=exact_stop)
-    else:
-        sections = cut_around(curve, timing, limits, start, end, exact_stop=exact_stop)
+    around = None if timing is None else TimedCut.of(curve, timing, limits, start, end, exact_stop=exact_stop)
+    sections = cut(curve, limits, start, end, exact_stop=exact_stop) if around is None else around.sections
     if reserve:
         begins = [u for u, _ in reserve]
         if begins != sorted(begins) or not all(0.0 <= share < 1.0 for _, share in reserve):
@@ -133,12 +131,12 @@ def plan_feedrate(
             f"periodic = True cannot pass the exact stop of {curve.name} at u = {sections[1].u_start:.6g}: let the curve "
             "begin there and plan it from stop to stop"
         )
-    plans = []
-    shares = _shares(sections)
+    plans: list[SectionPlan] = []
+    shares = np.zeros(len(sections)) if around is not None and around.covers_all else _shares(sections)
     for i, section in enumerate(sections):
-        law = None if timing is None else timing.between(section.u_start, section.u_end)
-        if law is not None:
-            plans.append(plan_timed(section, limits, law))
+        law = None if around is None else around.timing.between(section.u_start, section.u_end)
+        if around is not None and law is not None:
+            plans.append(around.plan(i, law))
             continue
         if progress is not None:
             progress(f"section {i + 1} of {len(sections)}", float(shares[:i].sum()))

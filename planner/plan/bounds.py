@@ -7,6 +7,7 @@ the one that every plan carries from fewer.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -156,7 +157,7 @@ class PlanBound:
     It takes about as long as the plan itself, and whoever certifies a plan or replays it never looks at it.
     """
 
-    parts: tuple[SectionBound | None, ...]
+    parts: tuple[Callable[[], float] | None, ...]
 
     def __call__(self) -> float:
         """Compute the bound, s."""

@@ -18,7 +18,7 @@ measured (``utilisation.py``), and what it uses too much is given back in four w
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
@@ -71,7 +71,7 @@ class SectionPlan:
     """
 
     law: TimeLaw
-    bound: SectionBound | None
+    bound: Callable[[], float] | None
     status: Status
     work: Work
     notes: tuple[str, ...] = ()

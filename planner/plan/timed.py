@@ -7,6 +7,11 @@ rounding.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
 from planner.errors import InputError
 from planner.geometry.curve import Curve
 from planner.law import TimeLaw, Timing
@@ -46,19 +51,76 @@ def laws_for(curve: Curve, limits: Limits) -> Timing | None:
     return timing if timing is not None and timing.limits == limits else None
 
 
-def cut_around(
-    curve: Curve, timing: Timing, limits: Limits, start: End, end: End, *, exact_stop: bool
-) -> list[Section]:
-    """Cut a path as :func:`~planner.plan.section.cut` does, but not inside of what has a law."""
-    stops = exact_stops(curve, limits, axis_weights(limits), at_jumps=exact_stop)
-    outside = {u: bend for u, bend in stops.items() if not timing.covers(u)}
-    return sections_between(curve, limits, outside, start, end)
+@dataclass(frozen=True, eq=False)
+class TimedCut:
+    """A path cut at its stops, but not inside of what has a law.
+
+    Attributes
+    ----------
+    curve : Curve
+    limits : Limits
+    timing : Timing
+    stops : mapping of float to float
+        Parameters, each with the radius of a bend whose tip it is, or 0.
+    start, end : Rest, Feed or Free
+    """
+
+    curve: Curve
+    limits: Limits
+    timing: Timing
+    stops: Mapping[float, float]
+    start: End
+    end: End
+
+    @classmethod
+    def of(cls, curve: Curve, timing: Timing, limits: Limits, start: End, end: End, *, exact_stop: bool) -> TimedCut:
+        """Look for stops outside of the laws only."""
+        ends = {float(law.u[k]) for law in timing.laws for k in (0, -1)}
+        inner = {u: 0.0 for u in ends if curve.domain[0] < u < curve.domain[1]}
+        if len(timing.laws) <= len(inner):
+            stops = exact_stops(curve, limits, axis_weights(limits), at_jumps=exact_stop)
+            inner |= {u: bend for u, bend in stops.items() if not timing.covers(u)}
+        return cls(curve, limits, timing, inner, start, end)
+
+    @property
+    def covers_all(self) -> bool:
+        """Every section has a law."""
+        return len(self.timing.laws) == len(self.stops) + 1
+
+    @property
+    def sections(self) -> list[Section]:
+        """The sections; those with a law have no coordinate yet, which takes long and only a bound asks for."""
+        edges = [self.curve.domain[0], *sorted(self.stops), self.curve.domain[1]]
+        with_law = [self.timing.between(*ends) is not None for ends in pairwise(edges)]
+        whole = [] if all(with_law) else self.whole
+        return [
+            Section(self.curve, *ends, REST, REST, None) if timed else whole[k]
+            for k, (ends, timed) in enumerate(zip(pairwise(edges), with_law, strict=True))
+        ]
+
+    @cached_property
+    def whole(self) -> list[Section]:
+        """The sections, each with its coordinate."""
+        return sections_between(self.curve, self.limits, self.stops, self.start, self.end)
+
+    def plan(self, number: int, law: TimeLaw) -> SectionPlan:
+        """Take a law as the plan of a section."""
+        intervals = law.t.size - 1
+        # A bound takes it that a plan has no acceleration where it stops.
+        turns = bool(((law.u_rate[1:-1] == 0.0) & (law.u_acceleration[1:-1] != 0.0)).any())
+        bound = None if turns else TimedBound(self, number, law)
+        return SectionPlan(law.dilated(1.0 + PEAK_MARGIN), bound, Status.OPTIMAL, Work(intervals=intervals))
 
 
-def plan_timed(section: Section, limits: Limits, law: TimeLaw) -> SectionPlan:
-    """Take a law as the plan of its section."""
-    intervals = law.t.size - 1
-    # A bound takes it that a plan has no acceleration where it stops.
-    turns = any(b.is_corner and section.u_start < b.u < section.u_end for b in section.curve.breaks)
-    bound = None if turns else SectionBound(section, limits, intervals, Pace(law.u, law.t))
-    return SectionPlan(law.dilated(1.0 + PEAK_MARGIN), bound, Status.OPTIMAL, Work(intervals=intervals))
+@dataclass(frozen=True, eq=False)
+class TimedBound:
+    """The lower bound of a section that has a law, once somebody asks for it."""
+
+    cut: TimedCut
+    number: int
+    law: TimeLaw
+
+    def __call__(self) -> float:
+        """Compute the bound, s."""
+        law, section = self.law, self.cut.whole[self.number]
+        return SectionBound(section, self.cut.limits, law.t.size - 1, Pace(law.u, law.t))()

@@ -151,7 +151,8 @@ def deviation(
     density : int
         Points between neighbouring edges (knots, vertices).
     pieces : (k,) array, optional
-        Curve parameters between which the points of the curve lie, in place of ``u_edges``.
+        Curve parameters between which the points of the curve lie, and between whose abscissae those of the blocks, in place
+        of ``u_edges``.
     where : pair of (k,) arrays, optional
         Abscissae at which the stretches to be looked at begin and end; everything if left out.
 
@@ -171,8 +172,9 @@ def deviation(
 
     found = []
     inner = u_edges if pieces is None else pieces
+    along = s_edges if pieces is None else np.interp(pieces, u_edges, s_edges)
     for measure, own, other in ((from_path, u_edges, s_edges), (from_program, s_edges, u_edges)):
-        edges = np.union1d(*((curve._candidate_breaks(), inner) if own is u_edges else (programmed.edges, own)))
+        edges = np.union1d(*((curve._candidate_breaks(), inner) if own is u_edges else (programmed.edges, along)))
         if where is not None:
             limits = where if own is s_edges else tuple(np.interp(part, s_edges, u_edges) for part in where)
             edges = np.union1d(edges, np.concatenate(limits))

@@ -52,6 +52,9 @@ def largest_deviation(
     written: Written,
     places: Sequence[LinePlace],
     widest: float,
+    *,
+    pieces: FloatArray | None = None,
+    density: int = 16,
 ) -> tuple[Deviation, float]:
     """Measure a path at the places where it is not the program itself.
 
@@ -65,6 +68,10 @@ def largest_deviation(
         Corners and tubes: from, to, and the tolerance there, mm of that abscissa.
     widest : float
         The longest piece of them, mm.
+    pieces : (k,) array, optional
+        Curve parameters between which points lie, in place of ``u_edges``.
+    density : int
+        How many.
 
     Returns
     -------
@@ -89,7 +96,8 @@ def largest_deviation(
             written.programmed,
             *along,
             _REACH * value + window,
-            pieces=u_edges,
+            density=density,
+            pieces=u_edges if pieces is None else pieces,
             where=(np.interp(lo, place, edges), np.interp(hi, place, edges)),
         )
         found = max(found, measured, key=lambda item: item.largest)

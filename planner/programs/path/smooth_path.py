@@ -46,6 +46,9 @@ NARROWER = 0.999  # than what would just do, by the measure before
 _INTERVALS_PER_CORNER, _INTERVALS_PER_KNOT = 110, 4
 MIN_INTERVALS = 1000  # of a plan of a program
 _NOISE_FACTOR = 2.0
+_PER_PIECE = (
+    5  # places between two nodes of a joint motion at which its deviation is looked at, before the largest are refined
+)
 _DEMANDED = "demanded by the program"
 
 
@@ -353,21 +356,29 @@ def _inside(s: FloatArray, lo: FloatArray, hi: FloatArray) -> NDArray[np.intp]:
 def _measure(absorbed: Absorbed, built: _Built, written: Written) -> tuple[Deviation, float]:
     """The largest deviation of the path, and the largest against its tolerance."""
     placed = built.placed
+    along = placed.curve, placed.u_edges, placed.s_edges, written
     places = places_of(absorbed.edges, absorbed.own, built.junctions, built.tubes)
-    widest = widest_piece(built.junctions, built.tubes)
-    for run in built.runs:
-        places += _places_of_run(absorbed, run)
-        widest = max(widest, 0.0 if run.part is None else float(np.diff(run.part.abscissa).max()))
-    return largest_deviation(placed.curve, placed.u_edges, placed.s_edges, written, places, widest)
+    measured = largest_deviation(*along, places, widest_piece(built.junctions, built.tubes), pieces=placed.curve.edges)
+    found = [measured, *_measured_runs(absorbed, built, written, built.runs)]
+    return max((deviation for deviation, _ in found), key=lambda item: item.largest), max(share for _, share in found)
+
+
+def _measured_runs(
+    absorbed: Absorbed, built: _Built, written: Written, runs: list[FoundRun]
+) -> list[tuple[Deviation, float]]:
+    """What joint runs deviate, and the largest share of their tolerance; their pieces are short."""
+    placed = built.placed
+    places = [place for run in runs for place in _places_of_run(absorbed, run)]
+    if not places:
+        return []
+    widest = max(float(np.diff(run.part.abscissa).max()) for run in runs if run.part is not None)
+    along = placed.curve, placed.u_edges, placed.s_edges, replace(written, lines=[])
+    return [largest_deviation(*along, places, widest, pieces=placed.curve.edges, density=_PER_PIECE)]
 
 
 def _measure_run(absorbed: Absorbed, built: _Built, written: Written, run: FoundRun) -> float:
     """The largest deviation of a run against its tolerance."""
-    placed, places = built.placed, _places_of_run(absorbed, run)
-    if run.part is None or not places:
-        return 0.0
-    widest = float(np.diff(run.part.abscissa).max())
-    return largest_deviation(placed.curve, placed.u_edges, placed.s_edges, written, places, widest)[1]
+    return max((share for _, share in _measured_runs(absorbed, built, written, [run])), default=0.0)
 
 
 def _places_of_run(absorbed: Absorbed, run: FoundRun) -> list[LinePlace]:
