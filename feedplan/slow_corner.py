@@ -107,8 +107,10 @@ def _middles(job: Job, profile: FeedrateProfile) -> FloatArray:
     """When a plan is in the middle of every block, (m,), s."""
     from planner.programs.times import times_at
 
-    u = job.path.u if job.path is not None else np.array(job.curve.domain)
-    return times_at(profile, 0.5 * (u[:-1] + u[1:]))
+    # Half the way along the path: where its feed was found with it the parameter runs with time.
+    along = job.curve.tip.arclength
+    s = along.s(job.path.u if job.path is not None else np.array(job.curve.domain))
+    return times_at(profile, np.clip(along.u(0.5 * (s[:-1] + s[1:])), *job.curve.domain))
 
 
 def _past(name: str, at: int, blocks: MovingBlocks, job: Job, profile: FeedrateProfile) -> CornerPass:

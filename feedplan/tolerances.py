@@ -41,6 +41,9 @@ class ToleranceTime:
         Largest distance of the path from the program, measured in both directions, mm; nan where there is no plan.
     line : int
         Of the program, where that is; 0 where there is no plan.
+    path : str
+        "joint" where the path was found with its feed, in some runs at least, "separate" where before it; empty where there
+        is no plan.
     ok : bool
         There is a plan, and it keeps every limit.
     reason : str
@@ -51,6 +54,7 @@ class ToleranceTime:
     seconds: float = math.nan
     deviation: float = math.nan
     line: int = 0
+    path: str = ""
     ok: bool = False
     reason: str = ""
 
@@ -74,7 +78,8 @@ class ToleranceTime:
             worst = max(report.violations, key=lambda row: row.ratio)
             reason = f"breaks {worst.limit} {worst.axis}".rstrip() + f": {worst.ratio:.6g} times what is allowed"
         far, line = path.deviation.largest, int(path.deviation_line)
-        return cls(tolerance, profile.duration, far, line, report.ok, reason)
+        made = "joint" if path.counts["joint"] else "separate"
+        return cls(tolerance, profile.duration, far, line, made, report.ok, reason)
 
 
 def time_of_tolerances(
@@ -176,6 +181,7 @@ def tolerance_facts(now: ToleranceTime, rows: Sequence[ToleranceTime]) -> list[d
             "saved_share": _finite(_saved_share(now, row)),
             "deviation_mm": _finite(row.deviation),
             "deviation_line": row.line or None,
+            "path": row.path,
             "ok": row.ok,
             "reason": row.reason,
         }
@@ -195,9 +201,9 @@ def tolerance_lines(now: ToleranceTime, rows: Sequence[ToleranceTime]) -> list[s
     """Lay the rows out below the plan within the tolerance of now; what cannot be planned, or breaks a limit, says so."""
     from feedplan.layout import RED, named, styled, table
 
-    heads = ["tolerance\num", "", "seconds", "saves\ns", "saves\n%", "off by\num", "at line"]
+    heads = ["tolerance\num", "", "seconds", "saves\ns", "saves\n%", "off by\num", "at line", "path"]
     cells = [_cells(now, now, "now"), *(_cells(now, row) for row in rows)]
-    lines = table(heads, cells, left=("",))
+    lines = table(heads, cells, left=("", "path"))
     for row in rows:
         if row.breaks:
             lines += named(f"{_MICRO * row.tolerance:g} um", styled(f"LIMIT BROKEN  {row.reason}", RED))
@@ -209,7 +215,7 @@ def tolerance_lines(now: ToleranceTime, rows: Sequence[ToleranceTime]) -> list[s
 def _cells(now: ToleranceTime, row: ToleranceTime, mark: str = "") -> list[str]:
     name = f"{_MICRO * row.tolerance:g}"
     if math.isnan(row.seconds):
-        return [name, "", "no plan", "", "", "", ""]
+        return [name, "", "no plan", "", "", "", "", ""]
     saved = ["", ""] if mark else [f"{now.seconds - row.seconds:.4f}", f"{100.0 * _saved_share(now, row):.1f}"]
     place = [f"{_MICRO * row.deviation:.4g}", str(row.line)] if row.deviation > 0.0 else ["none", ""]
-    return [name, mark, f"{row.seconds:.4f}", *saved, *place]
+    return [name, mark, f"{row.seconds:.4f}", *saved, *place, row.path]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,9 +14,12 @@ from feedplan.cli.app import BROKEN, report_verdict
 from feedplan.cli.streams import Streams
 from feedplan.job import load_job_of_table
 from feedplan.sources import require_program
+from planner.errors import CurveError, InfeasibleError, SolverError
 
 if TYPE_CHECKING:
+    from feedplan.job import Job
     from planner.geometry.tolerance import PathKind
+    from planner.profile import FeedrateProfile
 
 
 @click.command(
@@ -93,8 +97,22 @@ def report(
             others: tuple[ToleranceTime, ...] = ()
             if tolerances is not None:
                 others = time_of_tolerances(curve, machine, tolerances, table=table, progress=line, **given)
-            corner = slowest_corner(job, profile)
+            beside = {}
+            if job.path is not None and job.path.counts["joint"]:
+                line("planning the path made before its feed")
+                separate = given | {"path": "separate", "tolerance": tolerance_mm}
+                beside = _planned("path first, then feed", lambda: load_job_of_table(table, curve, machine, **separate))
+            corner = slowest_corner(job, profile, beside)
             write_report(page, verdict, lines=lines, tolerances=others, corner=corner, progress=line)
         report_verdict(verdict, as_json, aside=at.taken)
         if any(row.breaks for row in others):
             raise click.exceptions.Exit(BROKEN)
+
+
+def _planned(name: str, load: Callable[[], Job]) -> dict[str, tuple[Job, FeedrateProfile]]:
+    """A plan to be seen beside that of the page; one that cannot be made is left out."""
+    try:
+        job = load()
+        return {name: (job, job.plan())}
+    except (CurveError, InfeasibleError, SolverError):
+        return {}

@@ -30,7 +30,7 @@ from planner.law import TimeLaw
 from planner.machine.feed_limits import COMMANDS
 from planner.output.corner_view import plot_corner
 from planner.output.figures import svg_of
-from planner.output.palette import dash_lengths, limit_colour
+from planner.output.palette import SERIES, dash_lengths, limit_colour
 from planner.profile import make_profile
 from planner.programs.times import LineTimes, times_at
 from planner.verify import Report
@@ -335,7 +335,11 @@ class TestCorner:
             with pytest.raises(SystemExit) as stop:
                 app([str(word) for word in words], prog_name="feedplan")
             assert not stop.value.code
-        assert [facts_of(page)["corner"]["lines"] for page in pages] == [[4, 5], [4, 5]]
+        found = [facts_of(page)["corner"] for page in pages]
+        assert [corner["lines"] for corner in found] == [[4, 5], [4, 5]]
+        pictures = [base64.b64decode(corner["picture"].partition(",")[2]).decode() for corner in found]
+        # Beside a joint path the page of a table shows the one that is made before its feed.
+        assert [picture.count(SERIES[1].lower()) > 2 for picture in pictures] == [False, True]
 
 
 class _Tags(HTMLParser):

@@ -24,6 +24,7 @@ from planner import InfeasibleError, InputError, SolverError, load_limits, write
 SLOTS = PROGRAMS / "slots.ngc"
 STOPS = PROGRAMS / "stops.ngc"
 TOLERANCES = (0.05, 0.001, 0.01)
+CORNER = "G21 G90\nF6000\nG0 X0 Y0\nG1 X20\nY20\nM2\n"
 EXACT = "G21 G90 G61\nF6000\nG0 X0 Y0\nG1 X20\nY20\nX0\nM2\n"
 
 
@@ -88,6 +89,15 @@ class TestRows:
         time_of_tolerances(tmp_path / "exact.ngc", "mill", (0.001, 0.05), progress=lambda *said: told.append(said))
         assert told == [("planning within 1 um", 0.0), ("planning within 50 um", 0.5)]
 
+    def test_the_path_is_the_one_asked_for(self, tmp_path):
+        (tmp_path / "corner.ngc").write_text(CORNER)
+        joint, separate = (
+            time_of_tolerances(tmp_path / "corner.ngc", "mill", (0.01,), path=kind) for kind in ("joint", "separate")
+        )
+        assert [rows[0].path for rows in (joint, separate)] == ["joint", "separate"]
+        assert joint[0].seconds < 0.985 * separate[0].seconds
+        assert joint[0].deviation <= 0.01
+
 
 class TestWithoutPlan:
     @pytest.mark.parametrize("error", [SolverError, InfeasibleError])
@@ -127,7 +137,7 @@ class TestText:
         for line, row in zip(lines[3:], rows, strict=True):
             saved = now.seconds - row.seconds
             share = f"{100.0 * saved / now.seconds:.1f}"
-            place = [f"{1e3 * row.deviation:.4g}", str(row.line)]
+            place = [f"{1e3 * row.deviation:.4g}", str(row.line), row.path]
             assert line == [f"{1e3 * row.tolerance:g}", f"{row.seconds:.4f}", f"{saved:.4f}", share, *place]
 
     def test_facts_add_up(self, rows, now):
@@ -195,7 +205,7 @@ class TestCommand:
 
     def test_a_plan_that_breaks_a_limit_is_told_by_the_exit_code(self, run, monkeypatch, tmp_path):
         (tmp_path / "exact.ngc").write_text(EXACT)
-        broken = ToleranceTime(0.05, 1.0, 0.04, 4, ok=False, reason="breaks jerk X: 2 times what is allowed")
+        broken = ToleranceTime(0.05, 1.0, 0.04, 4, "joint", ok=False, reason="breaks jerk X: 2 times what is allowed")
         monkeypatch.setattr("feedplan.tolerances.time_of_tolerances", lambda *_args, **_kwargs: (broken,))
         code, out, _ = run("time", tmp_path / "exact.ngc", "--tolerances-um", "50")
         assert code == 1
