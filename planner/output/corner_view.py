@@ -167,12 +167,12 @@ def _see(corner: Corner, motion: CornerPass) -> _Seen:
         place,
         motion.velocity @ plane.T,
         np.sqrt(np.sum(motion.velocity**2, axis=1)),
-        _off(corner, motion.position),
+        distance_from(corner, motion.position),
     )
 
 
-def _off(corner: Corner, position: FloatArray) -> FloatArray:
-    """Distance of points from the two blocks, mm, positive on the inside of the corner."""
+def distance_from(corner: Corner, position: FloatArray) -> FloatArray:
+    """Distance of points (n, d) from the two blocks of a corner, (n,), mm, positive on its inside."""
     ends = corner.before, corner.after
     feet = [_foot(position, corner.vertex, end) for end in ends]
     gap = np.array([np.sqrt(np.sum((position - foot) ** 2, axis=1)) for foot in feet])

@@ -51,6 +51,8 @@ class Panel:
         Whether y is drawn on a logarithmic scale; all its values are positive then.
     legend : {"best", "above", "none"}
         Where the labels of two or more lines stand: in the emptiest corner, or between title and axes.
+    zero : bool
+        Whether the y axis has 0 in it.
     """
 
     title: str
@@ -61,6 +63,7 @@ class Panel:
     equal: bool = False
     log: bool = False
     legend: Literal["best", "above", "none"] = "best"
+    zero: bool = True
 
 
 def plot_panels(title: str, panels: Sequence[Panel], *, columns: int = 2, width_mm: float = PAGE_MM) -> Figure:
@@ -142,5 +145,9 @@ def _share_heights(row: Sequence[object], panels: Sequence[Panel]) -> None:
             for i in alike:
                 if panels[i].log:
                     row[i].set_ylim(low / _DECADE_ROOM, high * _DECADE_ROOM)  # type: ignore[attr-defined]
+                    continue
+                if not panels[i].zero:
+                    room = (_ROOM - 1.0) * (high - low)
+                    row[i].set_ylim(low - room, high + room)  # type: ignore[attr-defined]
                     continue
                 row[i].set_ylim(_ROOM * low if low < 0.0 else 0.0, _ROOM * high)  # type: ignore[attr-defined]

@@ -10,7 +10,7 @@ from cases import PROGRAMS
 
 from feedplan.job import load_job
 from feedplan.slow_corner import slowest_corner
-from planner.output.corner_view import _off
+from planner.output.corner_view import distance_from
 from planner.programs.times import times_at
 
 HEAD = "G21 G90 G64 P0.01\nF6000\nG0 X0 Y0\n"
@@ -114,7 +114,7 @@ class TestWhat:
         assert found["joint"].lost < found["separate"].lost - 0.01
         (motion,) = found["joint"].corner.passes
         corner = dataclasses.replace(found["joint"].corner, passes=(motion,))
-        off = np.abs(_off(corner, motion.position))
+        off = np.abs(distance_from(corner, motion.position))
         assert 0.009 < off.max() <= 0.01 * (1.0 + 1e-6)
 
     def test_a_degree_counts_as_a_mm(self, planned, tmp_path):

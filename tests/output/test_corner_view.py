@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from planner import InputError
-from planner.output.corner_view import Corner, CornerPass, _off, _see, plot_corner
+from planner.output.corner_view import Corner, CornerPass, _see, distance_from, plot_corner
 from planner.output.figures import save_plot
 
 E = 0.01
@@ -85,7 +85,7 @@ class TestDistance:
         ],
     )
     def test_inside_is_positive(self, point, wanted):
-        assert _off(RIGHT_ANGLE, np.array([point])) == pytest.approx([wanted])
+        assert distance_from(RIGHT_ANGLE, np.array([point])) == pytest.approx([wanted])
 
     def test_it_is_that_of_the_nearest_point_of_the_blocks(self):
         rng = np.random.default_rng(2)
@@ -96,14 +96,14 @@ class TestDistance:
             share = np.linspace(0.0, 1.0, 20001)[:, None]
             blocks = np.concatenate([before + share * (vertex - before), vertex + share * (after - vertex)])
             near = [np.linalg.norm(blocks - p, axis=1).min() for p in points]
-            assert np.abs(_off(found, points)) == pytest.approx(near, abs=1e-6)
+            assert np.abs(distance_from(found, points)) == pytest.approx(near, abs=1e-6)
 
     def test_turned_in_space_it_is_the_same(self):
         q, _ = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))
         points = np.random.default_rng(4).normal(scale=0.02, size=(100, 2))
-        flat = _off(RIGHT_ANGLE, points)
+        flat = distance_from(RIGHT_ANGLE, points)
         turned = corner(*(np.array([*p, 0.0]) @ q for p in ([-20, 0], [0, 0], [0, 20])), passing(np.zeros((2, 3))))
-        assert _off(turned, np.column_stack([points, np.zeros(100)]) @ q) == pytest.approx(flat, abs=1e-12)
+        assert distance_from(turned, np.column_stack([points, np.zeros(100)]) @ q) == pytest.approx(flat, abs=1e-12)
 
     def test_time_begins_at_the_vertex(self):
         seen = _see(RIGHT_ANGLE, RIGHT_ANGLE.passes[0])
