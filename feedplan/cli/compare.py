@@ -8,6 +8,7 @@ import json
 import math
 import textwrap
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -93,8 +94,9 @@ def compare(
 ) -> None:
     """Compare the literature's interpolators with the optimal plan.
 
-    All of them run on the same curve under the same limits, and are judged alike.  Exit code 1: the optimal plan breaks
-    a limit, or without it every method does.
+    All of them run on the same curve under the same limits, and are judged alike.  Of a part program a row more has the
+    optimal plan on the path that is found together with its feed.  Exit code 1: the optimal plan breaks a limit, or without
+    it every method does.
     """
     with Streams() as at:
         curve, output = at.curve(curve), at.output(output, ".csv")
@@ -106,26 +108,28 @@ def compare(
         from planner.output.panel_choice import COMPARISON_PANELS, PAGE_MM
 
         drawing = require_figure(plot, panels, width_mm, COMPARISON_PANELS)
-        job = load_job(
-            curve,
-            machine,
-            complete=complete,
-            scale=scale,
-            feed=feed_mm_s,
-            period=period_s,
-            tools=tools,
-            ignore=ignore,
-            reader=reader,
-            path="separate" if path is None and is_program(curve) else path,
-            layer=layer,
-            chain=chain,
-            notice=notice,
-        )
+        given: dict[str, Any] = {
+            "complete": complete, "scale": scale, "feed": feed_mm_s, "period": period_s, "tools": tools, "ignore": ignore,
+            "reader": reader, "layer": layer, "chain": chain,
+        }  # fmt: skip
+        kind = "separate" if path is None and is_program(curve) else path
+        job = load_job(curve, machine, path=kind, notice=notice, **given)
         from feedplan.comparison import compare as compare_methods
+        from feedplan.comparison import run_method
+        from feedplan.comparison.methods import OPTIMUM
+        from feedplan.comparison.two_paths import with_other_path
         from feedplan.progress import ProgressLine
 
         with ProgressLine() as line:
             found = compare_methods(job.curve, job.limits, methods, progress=line)
+            line("the other path of the program")
+            rows = with_other_path(
+                found.results,
+                job,
+                lambda kind: load_job(curve, machine, path=kind, **given),
+                lambda other: run_method(OPTIMUM, other.curve, other.limits),
+            )
+            found = replace(found, results=rows)
             facts = _facts(found, job.machine)
             if output is not None:
                 line(f"writing {output}")
@@ -170,6 +174,7 @@ def _require_format(path: Path) -> None:
 def _facts(found: Comparison, machine: str) -> dict[str, Any]:
     from feedplan.comparison import NOTE
     from feedplan.comparison.result import result_facts, saving_facts
+    from feedplan.comparison.two_paths import joint_saving
 
     curve, limits = found.curve, found.limits
     return {
@@ -179,6 +184,7 @@ def _facts(found: Comparison, machine: str) -> dict[str, Any]:
         "period_s": limits.period,
         "methods": [result_facts(result) for result in found.results],
         "saving": saving_facts(found.saving),
+        "joint_path_saves": joint_saving(found.results),
         "note": NOTE,
     }
 
@@ -239,7 +245,31 @@ def _text(found: Comparison, machine: str, files: Sequence[str]) -> str:
             f"{saved.slowed_rival}, the fastest other method once each has been slowed.",
             _WIDTH,
         )
+    lines += _paths_text(results)
     return "\n".join([*lines, *textwrap.wrap(f"{NOTE}.", _WIDTH), *(f"written  {name}" for name in files)])
+
+
+def _paths_text(results: Sequence[Result]) -> list[str]:
+    """Of a part program: how far its two paths leave it, and what finding path and feed together saves."""
+    from feedplan.comparison.methods import OPTIMUM
+    from feedplan.comparison.two_paths import PATHS, joint_saving
+
+    off = {result.method: result.deviation for result in results if not math.isnan(result.deviation)}
+    other = next((name for name in PATHS if name in off), None)
+    if other is None:
+        return []
+    text = (
+        f"{other} is the optimal plan on the path that is found together with its feed"
+        if other == "joint"
+        else f"{other} is the optimal plan on the path that is made before its feed"
+    )
+    text += (
+        f": it leaves the program by {1e3 * off[other]:.4g} um at most, that of the other rows by "
+        f"{1e3 * off[OPTIMUM]:.4g} um."
+    )
+    if (saved := joint_saving(results)) is not None:
+        text += f" Finding path and feed together saves {100.0 * saved:.2f} %."
+    return textwrap.wrap(text, _WIDTH)
 
 
 def _table(results: Sequence[Result]) -> list[str]:

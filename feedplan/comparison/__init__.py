@@ -21,6 +21,9 @@ shares no formula with any of them; a plan is judged between its samples as well
    between the points by a monotone cubic, and the chord error of that must hold.
 4. *The saving* of the optimum is counted against the fastest method that breaks nothing as it is, and against the fastest
    once each has been slowed by its kappa.  ``nlp`` solves the problem of ``optimal`` and is no rival.
+5. *Both paths of a part program.*  All methods run on one of them.  A row of its own, ``joint`` or ``separate``, has the
+   optimal plan on the other, judged by the same check, with how far each leaves the program: only that makes them rivals.
+   Computing times are without making the paths.
 
 Where a method's parameters must be chosen: Algorithms 1-4 as in :func:`interp.greedy`, mode physical.  2002: ramps that
 use the weakest linear axis' acceleration (bell: and its jerk); a feed that the path is too short for is lowered; "steady"

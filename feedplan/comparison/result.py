@@ -11,6 +11,9 @@ from feedplan.comparison.judgement import Dilation, Judgement
 from feedplan.comparison.methods import OPTIMUM, REFERENCE, MethodRun
 from planner.quantity import QUANTITIES
 
+# The optimum itself, the same problem by another solver, and plans of another path of the same program.
+_NO_RIVALS = (OPTIMUM, REFERENCE, "joint", "separate")
+
 
 @dataclass(frozen=True, eq=False)
 class Result:
@@ -36,6 +39,8 @@ class Result:
     entered_at_speed : Judgement or None
         The same where the path is entered and left at the method's own feed, if that is not 0.
     motion : Motion or None
+    deviation : float
+        Largest distance of the path from the part program it is of, measured in both directions, mm; nan for other curves.
     """
 
     method: str
@@ -48,6 +53,7 @@ class Result:
     judgement: Judgement | None = None
     entered_at_speed: Judgement | None = None
     motion: MethodRun | None = None
+    deviation: float = nan
 
     @property
     def ok(self) -> bool:
@@ -87,7 +93,7 @@ def saving(results: Sequence[Result]) -> Saving | None:
     optimum = next((r.duration for r in results if r.method == OPTIMUM and r.ok), None)
     if optimum is None:
         return None
-    rivals = [(r, r.judgement.dilation) for r in results if r.judgement and r.method not in (OPTIMUM, REFERENCE)]
+    rivals = [(r, r.judgement.dilation) for r in results if r.judgement and r.method not in _NO_RIVALS]
     found = Saving(optimum)
     if holding := [r for r, _ in rivals if r.ok]:
         best = min(holding, key=lambda r: r.duration)
@@ -110,6 +116,7 @@ def result_facts(result: Result) -> dict[str, Any]:
         "breaks": [] if judgement is None else [row.limit for row in judgement.broken],
         "points": result.points,
         "chord_error_mm": result.chord_error,
+        "deviation_mm": result.deviation,
     }
     for quantity in QUANTITIES:
         facts[f"{quantity.key}_ratio"] = nan if judgement is None else judgement.ratios[quantity.label]

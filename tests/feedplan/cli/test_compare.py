@@ -50,6 +50,23 @@ class TestCommand:
         assert "StalledError" in stalled["reason"]
         assert optimal["verdict"] == "holds"
 
+    def test_a_program_has_a_row_for_its_other_path(self, run, tmp_path):
+        file, target = tmp_path / "corner.ngc", tmp_path / "result.json"
+        file.write_text("G21 G90 G64 P0.01\nF6000\nG0 X0 Y0\nG1 X20\nY20\nM2\n")
+        code, out, err = run("compare", file, "--machine", "mill", "--methods", "optimal", "-o", target)
+        assert (code, err) == (0, "")
+        assert max(len(line) for line in out.splitlines() if not line.startswith("written")) <= 80
+        lines = {line.split()[0]: line.split() for line in out.splitlines() if line.startswith(("optimal", "joint  "))}
+        facts = strict_json(target.read_text())
+        optimal, joint = facts["methods"]
+        assert (joint["method"], joint["verdict"]) == ("joint", "holds")
+        assert lines["joint"][1:3] == [f"{joint['machining_time_s']:.4f}", "nothing"]
+        saved = 1.0 - joint["machining_time_s"] / optimal["machining_time_s"]
+        assert facts["joint_path_saves"] == pytest.approx(saved)
+        text = " ".join(out.split())
+        assert f"leaves the program by {1e3 * joint['deviation_mm']:.4g} um at most" in text
+        assert f"Finding path and feed together saves {100.0 * saved:.2f} %." in text
+
     def test_csv(self, run, tmp_path):
         target = tmp_path / "result.csv"
         code, _, _ = run(

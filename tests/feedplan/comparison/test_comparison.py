@@ -8,12 +8,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from feedplan.comparison import Comparison, compare
+from feedplan.comparison import Comparison, compare, run_method
 from feedplan.comparison.judgement import dilation, judge, least_dilation, letters, slowed_plan, worst_ratios
 from feedplan.comparison.methods import METHODS, select_methods
 from feedplan.comparison.result import result_facts, saving
+from feedplan.comparison.two_paths import joint_saving, with_other_path
+from feedplan.job import load_job
 from planner import Limits, check, load_curve, load_limits
-from planner.errors import InputError
+from planner.errors import InfeasibleError, InputError, SolverError
 
 CHOSEN = ("algorithm-1", "algorithm-2-soft", "2002-bell-1", "2007-uniform", "toppra", "scurve", "optimal")
 KEEPING = {"scurve", "optimal"}
@@ -264,3 +266,87 @@ class TestMethods:
         second, first = compare(curve, limits, ["2002-bell-2", "2002-bell-1"]).results
         assert "come to u = 0.284" in second.reason
         assert first.reason == ""
+
+
+@pytest.fixture(scope="module")
+def corner(tmp_path_factory):
+    """A program of three lines, compared on the path that is made first, with the row of the other."""
+    file = tmp_path_factory.mktemp("corner") / "corner.ngc"
+    file.write_text("G21 G90 G64 P0.01\nF6000\nG0 X0 Y0\nG1 X20\nY20\nX0\nM2\n")
+
+    def load(kind):
+        return load_job(file, "mill", path=kind)
+
+    return {kind: both_paths(load(kind), load, ("scurve", "optimal")) for kind in ("separate", "joint")}, load
+
+
+def both_paths(job, load, methods):
+    found = compare(job.curve, job.limits, methods)
+    return with_other_path(found.results, job, load, lambda other: run_method("optimal", other.curve, other.limits))
+
+
+class TestBothPathsOfAProgram:
+    def test_the_row_is_the_plan_of_the_other_path_judged_alike(self, corner):
+        found, load = corner
+        for kind, other in (("separate", "joint"), ("joint", "separate")):
+            *_, optimal, row = found[kind]
+            assert (optimal.method, row.method) == ("optimal", other)
+            job = load(other)
+            profile = job.plan()
+            assert row.duration == profile.duration
+            assert row.ok == (job.check(profile).ok and job.check(job.replay(profile)).ok)
+            assert row.ok
+            assert row.deviation == job.path.deviation.largest
+            assert optimal.deviation == load(kind).path.deviation.largest
+            assert max(row.deviation, optimal.deviation) <= 0.01
+
+    def test_each_is_the_optimum_of_the_other_comparison(self, corner):
+        found, _ = corner
+        seconds = {kind: {row.method: row.duration for row in rows} for kind, rows in found.items()}
+        assert seconds["separate"]["joint"] == seconds["joint"]["optimal"]
+        assert seconds["joint"]["separate"] == seconds["separate"]["optimal"]
+        saved = 1.0 - seconds["separate"]["joint"] / seconds["separate"]["optimal"]
+        assert saved > 0.02
+        assert [joint_saving(rows) for rows in found.values()] == [pytest.approx(saved)] * 2
+
+    def test_it_is_no_rival_of_the_optimum(self, corner):
+        for rows in corner[0].values():
+            assert saving(rows).rival == saving(rows).slowed_rival == "scurve"
+
+    def test_facts_tell_the_deviation(self, corner, teardrop):
+        assert [0.009 < result_facts(row)["deviation_mm"] <= 0.01 for row in corner[0]["separate"]] == [True] * 3
+        assert all(np.isnan(result_facts(row)["deviation_mm"]) for row in teardrop[2].values())
+
+    def test_without_the_optimal_plan_there_is_none(self, corner):
+        _, load = corner
+        assert [row.method for row in both_paths(load("separate"), load, ("scurve",))] == ["scurve"]
+        assert joint_saving(both_paths(load("separate"), load, ("scurve",))) is None
+
+    def test_a_curve_has_one_path(self):
+        job = load_job("teardrop", "mill")
+        rows = compare(job.curve, job.limits, ("optimal",)).results
+        assert with_other_path(rows, job, None, None) == rows
+        assert joint_saving(rows) is None
+
+    @pytest.mark.parametrize("error", [SolverError, InfeasibleError])
+    def test_a_path_that_cannot_be_made_says_why(self, corner, error):
+        _, load = corner
+
+        def failing(kind):
+            raise error("it does not converge")
+
+        *_, row = both_paths(load("separate"), failing, ("optimal",))
+        assert (row.method, row.judgement) == ("joint", None)
+        assert row.reason == f"{error.__name__}: it does not converge"
+
+    def test_where_no_run_is_joint_the_reason_is_told(self, tmp_path):
+        file = tmp_path / "part.ngc"
+        file.write_text("G21 G90 G64 P0.01\nF6000\nG0 X0 Y0\nG1 X20\nY20\nM2\n")
+        limits = load_limits("mill").without_jerk()
+
+        def load(kind):
+            return load_job(file, limits, path=kind)
+
+        *_, row = both_paths(load("separate"), load, ("optimal",))
+        assert (row.method, row.judgement) == ("joint", None)
+        assert "the path is made separately from the feed: the jerk of X, Y has no limit" in row.reason
