@@ -3,10 +3,10 @@
  * Every function takes the same description of a problem.  sizes (3): axes d, stages n, legs.  Of each stage: switches (n), 1 where
  * it is the switch to a new phase, 0 for a segment; share (n) of the phase's time that a segment has, scale (n) of the phase's
  * duration, leg (n) that the segment runs along.  legs: vectors (legs, 4, d), rates (legs, 2) and lengths (legs), as in
- * geometry/blend.py.  near (n, 3): 1 / distance^2 that is allowed at the start of each segment, and at 1/3 and 2/3 of it; pace
- * (n, 3): 1 / speed^2, 0 for none.  axes (3, d): 1 / limit of velocity (0: none), acceleration (0: none) and jerk; scalars (2):
- * 1 / acceleration^2 of all axes together (0: none), and the cube of the least duration of a phase.  All in one system of units in
- * which the jerk limits are near 1.
+ * geometry/blend.py.  near (n, 2): 1 / distance^2 that is allowed at the start of each segment, and within it; pace (n, 2):
+ * 1 / speed^2, 0 for none.  axes (3, d): 1 / limit of velocity (0: none), acceleration (0: none) and jerk; scalars (2): 1 /
+ * acceleration^2 of all axes together (0: none), and the cube of the least duration of a phase.  All in one system of units in which
+ * the jerk limits are near 1.
  *
  * x (n + 1, 3d + 1): position p, V = v T, A = a T^2 and c = T^3 before each stage and after the last; u (n, d): j T^3 of a segment,
  * the next c of a switch (the rest is not used). */
@@ -27,5 +27,11 @@ int64_t joint_solve(const int64_t *sizes, const uint8_t *switches, const double 
                     const double *near, const double *pace, const double *axes, const double *scalars,
                     const double *target, double gap, double start, double open, int64_t most, double *x, double *u,
                     double *work, double *found);
+
+/* Of every stage, at parts - 1 places within it: the largest distance from its leg and the largest speed into found (n, 2); 0 of a
+ * switch. */
+void joint_between(const int64_t *sizes, const uint8_t *switches, const double *share, const int64_t *leg,
+                   const double *vectors, const double *rates, const double *lengths, const double *x, const double *u,
+                   int64_t parts, double *found);
 
 #endif

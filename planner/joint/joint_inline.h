@@ -8,9 +8,12 @@
 
 #define INLINE static inline __attribute__((always_inline))
 
-/* POINTS of a segment at which rows stand: its start, 1/3 and 2/3. */
-enum { MOST_AXES = 9, POINTS = 3, MOST_STATES = 3 * MOST_AXES + 1, MOST_ALL = MOST_STATES + MOST_AXES };
-enum { MOST_ROWS = 10 * MOST_AXES + 8 };
+/* A segment is looked at in PARTS equal parts, by the control points of its Bezier curves: a curve is where they are, if that is
+   convex.  Those between two parts lie between their neighbours.  PLACES: node and inner points of the position, the same of the
+   velocity, the acceleration at the node, and the jerk. */
+enum { PARTS = 2, POINTS = 1 + 2 * PARTS, PLACES = POINTS + 1 + PARTS + 2 };
+enum { MOST_AXES = 9, MOST_STATES = 3 * MOST_AXES + 1, MOST_ALL = MOST_STATES + MOST_AXES };
+enum { MOST_ROWS = (2 * PARTS + 6) * MOST_AXES + 3 * PARTS + 3 };
 enum { POSITION, VELOCITY, ACCELERATION, JERK };
 
 typedef struct {
@@ -49,7 +52,7 @@ typedef struct {
 
 INLINE int states_of(int d) { return 3 * d + 1; }
 INLINE int all_of(int d) { return 4 * d + 1; }
-INLINE int most_rows_of(int d) { return 10 * d + 8; }
+INLINE int most_rows_of(int d) { return (2 * PARTS + 6) * d + 3 * PARTS + 3; }
 
 /* Position and derivatives (4, d) in units of the phase, at the share w of it after the start of a segment; linear in x and u. */
 INLINE void joint_at(int d, double w, const double *restrict x, const double *restrict u, double *restrict y) {

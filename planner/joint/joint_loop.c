@@ -1,9 +1,6 @@
 /* The joint problem's interior-point method: one Newton step an iteration; solve.py has the rules. */
 #include "joint.h"
 #include "joint_inline.h"
-#ifdef JOINT_LOG
-#include <stdio.h>
-#endif
 
 static const double FRACTION = 0.995;      /* of the way to the boundary */
 static const double LARGEST_CHANGE = 0.5;  /* of the cube of a duration, in a step */
@@ -19,7 +16,7 @@ enum { CONVERGED, RUNNING, SINGULAR };
 
 /* Numbers of work a stage. */
 static int64_t a_stage(int64_t d) {
-    const int64_t nx = 3 * d + 1, rows = 10 * d + 8;
+    const int64_t nx = 3 * d + 1, rows = most_rows_of((int)d);
     return 4 * nx + d + nx * nx + d * nx + d + 4 * rows + POINTS * d * (d + 1) + 1;
 }
 
@@ -32,7 +29,7 @@ static double *taken(double **work, int64_t count) {
 }
 
 static Iterate iterate_of(const Problem *problem, double *x, double *u, double *work) {
-    const int64_t d = problem->d, n = problem->n + 1, nx = 3 * d + 1, rows = 10 * d + 8;
+    const int64_t d = problem->d, n = problem->n + 1, nx = 3 * d + 1, rows = most_rows_of((int)d);
     Iterate it = {.x = x, .u = u};
     it.dx = taken(&work, n * nx);
     it.du = taken(&work, n * d);
@@ -60,7 +57,7 @@ typedef struct {
 } Standing;
 
 static void set_out(const Problem *problem, const Iterate *it, double start) {
-    const int64_t d = problem->d, nx = 3 * d + 1, rows = 10 * d + 8;
+    const int64_t d = problem->d, nx = 3 * d + 1, rows = most_rows_of((int)d);
     memset(it->prices, 0, sizeof(double) * (size_t)((problem->n + 1) * nx));
     memset(it->price, 0, sizeof(double) * (size_t)(3 * d));
     for (int64_t i = 0; i < problem->n; i++) {
@@ -101,7 +98,7 @@ typedef struct {
 
 /* How far a step may go: so that slacks and multipliers stay positive, and durations change little. */
 static Stride stride_of(const Problem *problem, const Iterate *it, double mu) {
-    const int64_t d = problem->d, rows = 10 * d + 8;
+    const int64_t d = problem->d, rows = most_rows_of((int)d);
     Stride step = {1.0, 1.0, 0.0, 0.0, 0.0};
     for (int64_t i = 0; i < problem->n; i++) {
         double *const dslack = it->dslack + i * rows;
@@ -210,11 +207,6 @@ int64_t joint_solve(const int64_t *sizes, const uint8_t *switches, const double 
         left = closing ? 0.0 : aim.hold * step.moved + (1.0 - step.primal) * fabs(step.gained);
         advance(&problem, &it, &aim, &step);
         now = stand(&problem, &it);
-#ifdef JOINT_LOG
-        fprintf(stderr, "%3d T %.4f def %.1e mu %.1e comp %.1e viol %.1e end %.1e len %.3f dual %.3f hold %.1e left %.1e change %.1e\n",
-                (int)count, now.time, now.defect, aim.mu, now.products / now.rows, now.violation, now.end, step.primal, step.dual,
-                aim.hold, left, step.change);
-#endif
         if (now.products >= (closing ? 2.0 : 1.0) * gap * now.time) continue;
         if (!closing)
             closing = left < 3.0 * gap * now.time && now.defect < 3e-4 * open;

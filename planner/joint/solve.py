@@ -39,9 +39,15 @@ _GAP = 3e-5  # of the time
 _SLOWED = 1.05
 _MOST_ITERATIONS = 300
 _FIRST, _AGAIN = 3e-2, 3e-3  # product of slacks and multipliers at a start
-_PER_ZONE, _PER_MIDDLE = 8, 4  # segments of a phase beside a vertex, and between
+_PER_ZONE, _PER_MIDDLE = 10, 4  # segments of a phase beside a vertex, and between
+_GROWTH = 1.15  # of the width from segment to segment, away from a vertex
 _ZONE = 5.0  # length of a phase beside a vertex, of (e / J)^(1/3)
 _OPEN = 30.0  # largest defect on the way, of the tolerance
+_MOST_PASSES = 8
+_BETWEEN = 16  # parts of a segment at which it is measured
+_MARGIN = 1e-5  # of the tolerance: what closing the last defects moves is less
+_AIM = 0.999  # at what was beyond the tolerance or the feed
+_MOST_SPEED = 1e-5  # relative excess of the feed for which all is slowed
 _SHORTEST = 0.02  # time of a phase, in units
 _WHY = {1: "after {} iterations it had not converged", 2: "its system became singular after {} iterations"}
 
@@ -91,9 +97,7 @@ def _straight(run: JointRun) -> JointMotion:
     direction = run.legs.vectors[0, 3]
     s[-1], v[-1], a[-1] = run.lengths[0], 0.0, 0.0
     leg = np.zeros(jerks.size, dtype=np.int64)
-    return JointMotion(
-        t, run.starts[0] + s * direction, v * direction, a * direction, jerks[:, None] * direction, leg
-    )
+    return JointMotion(t, run.starts[0] + s * direction, v * direction, a * direction, jerks[:, None] * direction, leg)
 
 
 def _begin(run: JointRun) -> _Mesh:
@@ -104,12 +108,13 @@ def _begin(run: JointRun) -> _Mesh:
     for k, length in enumerate(run.lengths):
         durations, jerks = seven_phases(length, *_limits_along(run, k))
         phases = _phases(run, k, durations.sum())
-        width = np.concatenate([np.full(count, time / count) for time, count in phases])
+        width = np.concatenate([time * shares for time, shares in phases])
         state, jerk, slower = _averaged(durations, jerks, width, length)
         direction, start = run.legs.vectors[k, 3], run.starts[k]
         s, v, a = state[:, :-1, None] * direction
         at = 0
-        for time, count in phases:
+        for time, shares in phases:
+            count = shares.size
             i = np.concatenate([[at], np.arange(at, at + count)])
             t = np.full(count + 1, time * slower)
             t[0] = last if last else t[1]
@@ -118,21 +123,24 @@ def _begin(run: JointRun) -> _Mesh:
             x.append(np.column_stack([start + s[i], v[i], a[i], t]))
             u.append(control)
             switches += [True] + [False] * count
-            share += [0.0] + [1.0 / count] * count
+            share += [0.0, *shares]
             leg += [k] * (count + 1)
             at += count
     end = np.concatenate([run.ends[-1], np.zeros(2 * d), [last]])
     return _Mesh(np.array(switches), np.array(share), np.array(leg), np.vstack([*x, end]), np.concatenate(u))
 
 
-def _phases(run: JointRun, leg: int, total: float) -> list[tuple[float, int]]:
-    """Times of the phases of a leg that takes so long, and their numbers of segments."""
+def _phases(run: JointRun, leg: int, total: float) -> list[tuple[float, FloatArray]]:
+    """Times of the phases of a leg that takes so long, and the shares of their segments: short ones beside the vertices."""
     zone = _ZONE * np.cbrt(run.tolerance[leg] / run.jerk.max())
+    growing = _GROWTH ** np.arange(_PER_ZONE)
+    growing /= growing.sum()
     if total < 0.3 * zone:
-        return [(total, _PER_ZONE)]
+        return [(total, np.full(_PER_ZONE, 1.0 / _PER_ZONE))]
     if total < 2.5 * zone:
-        return [(0.5 * total, _PER_ZONE)] * 2
-    return [(zone, _PER_ZONE), *[((total - 2.0 * zone) / 3.0, _PER_MIDDLE)] * 3, (zone, _PER_ZONE)]
+        return [(0.5 * total, growing), (0.5 * total, growing[::-1])]
+    middle = (total - 2.0 * zone) / 3.0
+    return [(zone, growing), *[(middle, np.full(_PER_MIDDLE, 1.0 / _PER_MIDDLE))] * 3, (zone, growing[::-1])]
 
 
 def _averaged(
@@ -148,7 +156,8 @@ def _averaged(
     state, jerk = _arriving(np.zeros((3, 1)), jerk[:, None], width, np.array([[length], [0.0], [0.0]]))
     state, jerk = state[..., 0], jerk[:, 0]
     used = [
-        np.abs(new).max() / np.abs(old).max() for new, old in ((state[1], speed), (state[2], acceleration), (jerk, jerks))
+        np.abs(new).max() / np.abs(old).max()
+        for new, old in ((state[1], speed), (state[2], acceleration), (jerk, jerks))
     ]
     slower = max(_SLOWED, used[0] / 0.95, (used[1] / 0.9) ** 0.5, (used[2] / 0.85) ** (1.0 / 3.0))
     return state / slower ** np.arange(3.0)[:, None], jerk / slower**3, slower
@@ -208,34 +217,44 @@ def _scaled(mesh: _Mesh, time: float, length: float, origin: FloatArray) -> tupl
 
 
 def _iterate(run: JointRun, mesh: _Mesh) -> tuple[FloatArray, FloatArray, int]:
-    """Improve the motion on the mesh until it is optimal: states and controls in mm and s, and the number of iterations."""
+    """Improve the motion on the mesh until it is optimal and inside: states and controls, and the number of iterations."""
     (time, length), d, m = _units(run), run.dim, mesh.leg.size
-    origin = run.starts[0]
+    origin, speed = run.starts[0], length / time
     x, u = _scaled(mesh, time, length, origin)
-    scale = np.where(mesh.switches, np.maximum(x[1:, -1], x[:-1, -1]), x[:-1, -1]) ** (1.0 / 3.0)
     vectors = run.legs.vectors / length
     vectors[:, 0] -= origin / length
     vectors[:, 3] *= length
-    near = np.repeat((length / run.tolerance[mesh.leg])[:, None] ** 2, 3, axis=1)
-    speed = length / time
-    pace = np.repeat((speed / run.feed[mesh.leg])[:, None] ** 2, 3, axis=1)
-    at = np.flatnonzero(np.diff(mesh.leg)) + 1  # the switches; the next stages begin at vertices
-    near[at + 1, 0] = np.maximum(near[at + 1, 0], near[at - 1, 0])
-    pace[at + 1, 0] = np.maximum(pace[at + 1, 0], pace[at - 1, 0])
+    sizes = np.array([d, m, run.lengths.size])
+    geometry = (mesh.leg, vectors, run.legs.rates * length, run.lengths / length)
     axes = np.array([speed / run.velocity, speed / time / run.acceleration, speed / time**2 / run.jerk])
     axes[0, run.velocity >= run.feed.max()] = 0.0
     scalars = np.array([(speed / time / run.bend) ** 2, _SHORTEST**3])
-    sizes = np.array([d, m, run.lengths.size])
     target = np.concatenate([(run.ends[-1] - origin) / length, np.zeros(2 * d)])
-    work, found = np.empty(core.joint_work(sizes)), np.empty(6)
-    status = core.joint_solve(
-        *(sizes, mesh.switches, mesh.share, scale, mesh.leg, vectors, run.legs.rates * length, run.lengths / length),
-        *(near, pace, axes, scalars, target, _GAP, _FIRST, _OPEN * run.tolerance.min() / length, _MOST_ITERATIONS),
-        *(x, u, work, found),
-    )
-    if status:
-        raise SolverError(f"path and feed together: {_WHY[int(status)].format(int(found[5]))}; found {found}")
-    return x, u, int(found[5])
+    work, found, between = np.empty(core.joint_work(sizes)), np.empty(6), np.empty((m, 2))
+    reach, pace = (np.repeat(limit[mesh.leg][:, None], 2, axis=1) for limit in (run.tolerance, run.feed))
+    after = np.flatnonzero(np.diff(mesh.leg)) + 2  # the segments that begin at vertices
+    reach *= 1.0 - _MARGIN
+    for limit in (reach, pace):
+        limit[after, 0] = np.minimum(limit[after, 0], limit[after - 2, 0])
+    scale = np.cbrt(np.where(mesh.switches, np.maximum(x[1:, -1], x[:-1, -1]), x[:-1, -1]))
+    count = 0
+    for once in range(_MOST_PASSES):
+        status = core.joint_solve(
+            *(sizes, mesh.switches, mesh.share, scale, *geometry, (length / reach) ** 2, (speed / pace) ** 2, axes),
+            *(scalars, target, _GAP, _AGAIN if once else _FIRST, _OPEN * run.tolerance.min() / length),
+            *(_MOST_ITERATIONS, x, u, work, found),
+        )
+        count += int(found[5])
+        if status:
+            raise SolverError(f"path and feed together: {_WHY[int(status)].format(int(found[5]))}; found {found}")
+        core.joint_between(sizes, mesh.switches, mesh.share, *geometry, x, u, _BETWEEN, between)
+        excess = between * [length, speed] / np.column_stack([run.tolerance, run.feed])[mesh.leg]
+        over = excess > [1.0, 1.0 + _MOST_SPEED]
+        if not over.any():
+            return x, u, count
+        for limit, beyond, where in zip((reach, pace), excess.T, over.T, strict=True):
+            limit[where] *= (_AIM / beyond[where])[:, None]
+    raise SolverError(f"path and feed together: after {_MOST_PASSES} passes it exceeds {excess.max(axis=0)}")
 
 
 def _motion(run: JointRun, mesh: _Mesh, x: FloatArray, u: FloatArray, iterations: int) -> JointMotion:
