@@ -195,7 +195,7 @@ int64_t joint_solve(const int64_t *sizes, const uint8_t *switches, const double 
     for (; count < most && status == RUNNING; count++) {
         const double floor = larger(0.1 * gap * now.time, closing ? 0.0 : 0.3 * smaller(left, now.time));
         const double sigma = count == 0 || closing ? 1.0 : step.primal > 0.9 ? 0.1 : step.primal > 0.5 ? 0.25 : 0.6;
-        Aim aim = {larger(sigma * now.products, floor) / (double)now.rows, closing ? HEAVY : WEIGHT, FIRM};
+        Aim aim = {larger(sigma * now.products, floor) / (double)now.rows, closing ? HEAVY : WEIGHT, FIRM * pow(2.0, closing / 3)};
         if (!closing) aim.hold = larger(0.15 * hold, 30.0 * aim.mu);
         if (!find_step(&problem, &it, &aim, &step)) {
             status = SINGULAR;
@@ -207,6 +207,7 @@ int64_t joint_solve(const int64_t *sizes, const uint8_t *switches, const double 
         left = closing ? 0.0 : aim.hold * step.moved + (1.0 - step.primal) * fabs(step.gained);
         advance(&problem, &it, &aim, &step);
         now = stand(&problem, &it);
+        closing += closing > 0;
         if (now.products >= (closing ? 2.0 : 1.0) * gap * now.time) continue;
         if (!closing)
             closing = left < 3.0 * gap * now.time && now.defect < 3e-4 * open;

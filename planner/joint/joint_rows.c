@@ -45,8 +45,9 @@ INLINE Place place_of(int order, double w, double by) {
     return place;
 }
 
-/* The places of a segment that has a share of the phase. */
-INLINE void list_places(double share, Place *places) {
+/* The places of a segment that has a share of the phase.  Those of the position are points of the path along a bent leg, whose tube
+   is not convex. */
+INLINE void list_places(double share, int bent, Place *places) {
     const double width = share / PARTS;
     for (int order = POSITION; order < 4; order++) {
         Place *const node = places + (order == 0 ? 0 : order == 1 ? POINTS : PLACES - 4 + order);
@@ -56,6 +57,8 @@ INLINE void list_places(double share, Place *places) {
     for (int part = 0; part < PARTS; part++) {
         places[1 + 2 * part] = place_of(POSITION, part * width, width / 3.0);
         places[2 + 2 * part] = place_of(POSITION, (part + 1) * width, -width / 3.0);
+        for (int q = 1; bent && q < 3; q++)
+            places[q + 2 * part] = place_of(POSITION, share * (q + 2 * part) / POINTS, 0.0);
         places[POINTS + 1 + part] = place_of(VELOCITY, part * width, 0.5 * width);
     }
 }
@@ -149,7 +152,7 @@ INLINE void list_rows(const Problem *problem, int d, int64_t i, const Iterate *i
     rows->g = x[3 * d] / rows->cube;
     rows->root = cbrt(rows->g);
     rows->count = 0;
-    list_places(problem->share[i], rows->places);
+    list_places(problem->share[i], problem->rates[2 * problem->leg[i]] != 0.0, rows->places);
     for (int place = 0; place < PLACES; place++) at_place(d, &rows->places[place], x, u, rows->y[place]);
     for (int q = is_given(i); q < POINTS; q++) {
         const int64_t at = i * POINTS + q;
