@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planner.errors import SolverError
 from planner.geometry.chain import Kind
@@ -28,11 +29,13 @@ from planner.quantity import AXIS
 from planner.types import FloatArray, IntArray
 
 _MAX_BLOCKS = 20_000  # of a run: bounds the memory of its solver
+# Of a run most of whose blocks go on smoothly: the time of its solver, where there is little to gain.
+_MAX_SMOOTH, _SMOOTH_SHARE = 500, 0.8
 _MAX_SLOWED = 5e-3  # a motion that exceeds its limits by more in time is none
 _LOOKED_AT = 12  # of a piece, at which its distance from the block is
 # What is aimed at, one try after the other, and what will do, of the tolerance: the measure of the whole path refines what
 # points tell.
-_AIMS, _MET = (0.999, 0.998, 0.995, 0.985, 0.96), 0.9996
+_AIMS, _MET = (0.9998, 0.998, 0.995, 0.985, 0.96), 0.99995
 _SHOWN = 4  # runs in a note
 _POINTS, _NEWTON_STEPS = 6, 3  # of a piece, at which its feed is looked at
 
@@ -77,11 +80,13 @@ def find_runs(blocks: MovingBlocks, junctions: Junctions, limits: Limits) -> lis
     stop = blocks.stop | ((junctions.kind == Junction.STOP) & (allowed <= 0.0))
     cuts = np.concatenate([[0], np.flatnonzero(stop) + 1, [blocks.row.size]])
     machine = _reason_of_machine(limits)
-    return [_found(blocks, limits, int(first), int(last), machine) for first, last in pairwise(cuts)]
+    return [_found(blocks, junctions.kind, limits, int(first), int(last), machine) for first, last in pairwise(cuts)]
 
 
-def _found(blocks: MovingBlocks, limits: Limits, first: int, last: int, machine: str) -> FoundRun:
-    reason = machine or _reason_of_blocks(blocks, first, last)
+def _found(
+    blocks: MovingBlocks, kind: NDArray[np.int8], limits: Limits, first: int, last: int, machine: str
+) -> FoundRun:
+    reason = machine or _reason_of_blocks(blocks, kind, first, last)
     if reason:
         return FoundRun(first, last, None, reason)
     try:
@@ -137,7 +142,7 @@ def _reason_of_machine(limits: Limits) -> str:
     return ""
 
 
-def _reason_of_blocks(blocks: MovingBlocks, first: int, last: int) -> str:
+def _reason_of_blocks(blocks: MovingBlocks, kind: NDArray[np.int8], first: int, last: int) -> str:
     """Why a run is not found jointly, if it is so."""
     legs = blocks.programmed.legs
     if legs.ways is not None and (legs.ways[first:last, 0] >= 0.0).any():
@@ -148,6 +153,9 @@ def _reason_of_blocks(blocks: MovingBlocks, first: int, last: int) -> str:
         return "it has no tolerance"
     if last - first > _MAX_BLOCKS:
         return f"it has {last - first} blocks, more than {_MAX_BLOCKS}"
+    smooth = int(np.count_nonzero(kind[first : last - 1] <= Junction.TUBE))
+    if smooth > max(_MAX_SMOOTH, _SMOOTH_SHARE * (last - first)):
+        return f"{smooth} of its {last - first} blocks go on smoothly, more than {_MAX_SMOOTH}"
     return ""
 
 
