@@ -111,6 +111,7 @@ TOPICS = {
     "test_installed.py": "built and installed elsewhere",
     "test_wheel.py": "what is installed",
     "feedplan/test_arguments.py": "swapped arguments and wrong types, at every door",
+    "joint/test_optima.py": "the joint solver against IPOPT on small runs",
     "machine/test_feed_caps.py": "limits of a curve whose blocks have feeds of their own",
     "output/test_table_truth.py": "what a table claims is computed again",
     "output/test_roundtrip.py": "programs that are written and planned again",
