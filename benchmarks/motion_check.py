@@ -155,7 +155,7 @@ def _away_from_blocks(run: JointRun, motion: JointMotion, position: FloatArray) 
 def _passes_vertices(run: JointRun, motion: JointMotion) -> Iterator[str]:
     for block in range(run.lengths.size - 1):
         node = int(np.searchsorted(motion.leg, block + 1))
-        away = np.linalg.norm(motion.position[node] - run.ends[block], keepdims=True)
+        away = np.linalg.norm(motion.position[node : node + 1] - run.ends[block], axis=1)
         tolerance = run.tolerance[block : block + 2].min()
         if _too_far(away, tolerance):
             yield f"{away[0] / tolerance:.9g} of the tolerance away from the end of block {block}, where it leaves it"
