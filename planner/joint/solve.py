@@ -1,26 +1,38 @@
 """Path and feed as one problem: the fastest motion that stays within the tolerance of every block of a run.
 
-The motion q(t) is sought directly, as a function of time.  Block k is cut into *phases*, whose durations T are free, and these
-into segments of a given share w of the phase, on each of which the jerk j is constant.  With h = w T,
-
-    p+ = p + h v + h^2/2 a + h^3/6 j,    v+ = v + h a + h^2/2 j,    a+ = a + h j,    T+ = T.
+The motion q(t) is sought directly, as a function of time.  Block k is cut into *phases*, whose durations T are free, and
+these into *segments*, a given share w of the phase each, on which the jerk j is constant.
 
     minimise    sum of the T
-    so that     |j_k| <= J_k,  |a_k| <= A_k,  |a| <= bend                           (exact: a is linear on a segment)
-                |v| <= F,  |v_k| <= V_k,  dist(p, block) <= e                        at the nodes, 1/3 and 2/3 of each segment
-                |p - vertex| <= e                                                  at the node where a block ends
-                p, v, a given at the start, rest at the end.
+    so that     |j_k| <= J_k,  |a_k| <= A_k,  |a| <= bend
+                |v| <= F,  |v_k| <= V_k,  dist(p, block) <= e
+                |p - vertex| <= e                               at the node where a block ends
+                p, v, a given at the start and at the end.
 
-dist is the distance from the block with its ends, so that the set is a stadium about a line: one convex row in any number of
-axes.  It bounds how far the motion is from the blocks; with the discs at the vertices also how far the blocks are from it.
+dist is the distance from the block with its ends, so that the set is a stadium about a line, in any number of axes.  It
+bounds how far the motion is from the blocks; with the discs at the vertices also how far the blocks are from it.
 
-The method is a primal-dual interior point one: slacks s and multipliers z with g + s = 0 and z s = mu; mu falls with the
-progress made.  A Newton step is one Riccati sweep over the segments (joint_sweep.c), so that an iteration costs time linear in
-their number.  Durations times state make the dynamics bilinear; second derivatives are taken in full where the system stays
-positive definite, else in part or not at all.  The start is the exact-stop motion, slowed by a tenth: it is strictly within all
-limits.  The last state is held by multipliers and a weight.
+In units of its phase, V = v T, A = a T^2, U = j T^3, a segment is linear with constant coefficients:
 
-Within the solver times are counted in units of a fifth of A / J or so, and lengths in what the jerk moves in a unit of time.
+    p+ = p + w V + w^2/2 A + w^3/6 U,    V+ = V + w A + w^2/2 U,    A+ = A + w U,    c+ = c,    c = T^3,
+
+and every row is convex, as |V|^2 <= F^2 c^(2/3).  Rows stand at the nodes and at the inner control points of the Bezier
+curves of each half of a segment.  A curve lies in the convex hull of its control points, so that what they keep is kept
+everywhere; not so about an arc, where the motion is measured between, and solved again where it exceeds.  What is not
+linear is the *switch* from a phase to the next alone, which has V+ = r V and A+ = r^2 A, r = (c+/c)^(1/3).
+
+The method is a primal-dual interior point one, with slacks s and multipliers z, g + s = 0 and z s = mu; mu falls with the
+progress made.  A Newton step is one Riccati sweep (joint_sweep.c), linear in the number of segments.  Its system has all
+second derivatives, and a weight on relative changes of the durations: with durations held it is convex, so that there
+always is a weight at which it is positive definite.  The step is repeated with more of it where it is not, or where
+durations would more than double.  When mu and what is left to gain are small durations are held, and Newton steps close
+what the switches are off by.
+
+Long runs are solved in windows of some blocks, each from the state that the one before has at the end of its first part,
+to rest at its own end.
+
+The start is the exact-stop motion (exact_stop.py), slowed.  Times are counted in a fifth of A / J, lengths in what the jerk
+moves in that time.
 """
 
 from __future__ import annotations
@@ -31,37 +43,26 @@ import numpy as np
 
 from planner.compiled import core
 from planner.errors import SolverError
+from planner.joint.constant_jerk import arriving
+from planner.joint.exact_stop import Mesh, exact_stops, limits_along, units_of
 from planner.joint.joint_run import JointMotion, JointRun
 from planner.joint.straight import along, seven_phases
-from planner.types import BoolArray, FloatArray, IntArray
+from planner.types import FloatArray, IntArray
 
 _GAP = 3e-5  # of the time
-_SLOWED = 1.05
 _MOST_ITERATIONS = 300
-_FIRST, _AGAIN = 3e-2, 3e-3  # product of slacks and multipliers at a start
-_PER_ZONE, _PER_MIDDLE = 10, 4  # segments of a phase beside a vertex, and between
-_GROWTH = 1.15  # of the width from segment to segment, away from a vertex
-_ZONE = 5.0  # length of a phase beside a vertex, of (e / J)^(1/3)
+_ATTEMPTS = ((1.05, 3e-2), (1.3, 1e-1), (1.1, 3e-3))  # how much the start is slowed; products of slacks and multipliers
+_AGAIN = 3e-3  # that product where the start is a solution
 _OPEN = 30.0  # largest defect on the way, of the tolerance
-_FOLLOWED = 50.0  # fourth power of the widest segment along an arc, of e r^3 / v^4
 _MOST_PASSES = 10
 _BETWEEN = 16  # parts of a segment at which it is measured
-_MARGIN = 1e-5  # of the tolerance: what closing the last defects moves is less
+_MARGIN = 1e-5  # of the tolerance: closing the last defects moves by less
 _AIM = 0.998  # at what was beyond the tolerance or the feed; the more so from pass to pass
-_MOST_SPEED = 1e-5  # relative excess of the feed for which all is slowed
-_SHORTEST = 0.02  # time of a phase, in units
-_WHY = {1: "after {} iterations it had not converged", 2: "its system became singular after {} iterations"}
-
-
-@dataclass
-class _Mesh:
-    """Stages (m,), the switch to each phase and its segments, and a motion; in mm and s, with durations for their cubes."""
-
-    switches: BoolArray
-    share: FloatArray
-    leg: IntArray
-    x: FloatArray  # (m + 1, 3d + 1): position, velocity, acceleration, duration
-    u: FloatArray  # (m, d): jerk, or the next duration
+_MOST_SPEED = 1e-7  # relative excess of the feed
+_SETTLED = 20.0  # in units of time, the shortest part of the motion that is corrected by itself
+_SHORTEST = 0.02  # duration of a phase, in units
+_KEPT, _BEYOND, _MOST_BEYOND = 16, 8, 80  # blocks of a window that are kept, and those beyond
+_WHY = {1: "it had not converged after {} iterations", 2: "its system was singular after {} iterations"}
 
 
 def solve_run(run: JointRun) -> JointMotion:
@@ -76,21 +77,18 @@ def solve_run(run: JointRun) -> JointMotion:
         raise SolverError("path and feed together: the run has splines, for which it is not solved")
     if run.lengths.size == 1 and not run.legs.curved[0]:
         return _straight(run)
-    mesh = _begin(run)
-    return _motion(run, mesh, *_iterate(run, mesh))
-
-
-def _limits_along(run: JointRun, leg: int) -> tuple[float, float, float]:
-    """Limits of velocity, acceleration and jerk along a line."""
-    share = np.abs(run.legs.vectors[leg, 3])
-    with np.errstate(divide="ignore"):
-        velocity, acceleration, jerk = ((limit / share).min() for limit in (run.velocity, run.acceleration, run.jerk))
-    return min(velocity, run.feed[leg]), min(acceleration, run.bend), jerk
+    failure = SolverError()
+    for slowed, product in _ATTEMPTS:
+        try:
+            return _in_windows(run, exact_stops(run, slowed), product)
+        except SolverError as error:
+            failure = error
+    raise failure
 
 
 def _straight(run: JointRun) -> JointMotion:
     """The motion along a single line, in closed form."""
-    durations, jerks = seven_phases(run.lengths[0], *_limits_along(run, 0))
+    durations, jerks = seven_phases(run.lengths[0], *limits_along(run, 0))
     kept = durations > 0.0
     durations, jerks = durations[kept], jerks[kept]
     t = np.concatenate([[0.0], np.cumsum(durations)])
@@ -101,234 +99,143 @@ def _straight(run: JointRun) -> JointMotion:
     return JointMotion(t, run.starts[0] + s * direction, v * direction, a * direction, jerks[:, None] * direction, leg)
 
 
-def _begin(run: JointRun) -> _Mesh:
-    """The exact-stop motion, slowed; phases beside each vertex are as long as swinging within the tolerance takes."""
-    d = run.dim
-    switches, share, leg, x, u = [], [], [], [], []
-    last = 0.0
-    for k in range(run.lengths.size):
-        phases, (p, v, a), jerk, slower = (_along_bend if run.legs.curved[k] else _along_line)(run, k)
-        at = 0
-        for time, shares in phases:
-            count = shares.size
-            i = np.concatenate([[at], np.arange(at, at + count)])
-            t = np.full(count + 1, time * slower)
-            t[0] = last if last else t[1]
-            control = jerk[i]
-            control[0, 0] = last = t[1]
-            x.append(np.column_stack([p[i], v[i], a[i], t]))
-            u.append(control)
-            switches += [True] + [False] * count
-            share += [0.0, *shares]
-            leg += [k] * (count + 1)
-            at += count
-    end = np.concatenate([run.ends[-1], np.zeros(2 * d), [last]])
-    return _Mesh(np.array(switches), np.array(share), np.array(leg), np.vstack([*x, end]), np.concatenate(u))
+class _Scaled:
+    """A run on a mesh, and its motion x, u, in the solver's units; joint.h says what they are."""
 
-
-_Phases = list[tuple[float, FloatArray]]
-
-
-def _along_line(run: JointRun, leg: int) -> tuple[_Phases, FloatArray, FloatArray, float]:
-    """Phases of the exact-stop motion along a line, states (3, n + 1, d) and jerks (n, d) slowed, and the factor in time."""
-    length, direction = run.lengths[leg], run.legs.vectors[leg, 3]
-    durations, jerks = seven_phases(length, *_limits_along(run, leg))
-    phases = _phases(run, leg, durations.sum(), 3)
-    width = np.concatenate([time * shares for time, shares in phases])
-    state, jerk, slower = _averaged(durations, jerks, width, length)
-    states = state[..., None] * direction
-    states[0] += run.starts[leg]
-    return phases, states, jerk[:, None] * direction, slower
-
-
-def _along_bend(run: JointRun, leg: int) -> tuple[_Phases, FloatArray, FloatArray, float]:
-    """The same along an arc: a spline through points of a motion that keeps the limits nearly, slowed until it does."""
-    length, row = run.lengths[leg], np.array([leg])
-    x = np.linspace(0.0, length, 33)
-    _, first, second, third = np.abs(run.legs.at(np.repeat(row, x.size), x)).max(axis=1)
-    with np.errstate(divide="ignore"):
-        speed = min(
-            run.feed[leg],
-            (run.velocity / first).min(),
-            np.sqrt(0.6 * np.minimum(run.acceleration, run.bend) / second).min(),
-            np.cbrt(0.5 * run.jerk / third).min(),
+    def __init__(self, run: JointRun, mesh: Mesh) -> None:
+        self.run, self.mesh = run, mesh
+        self.time, self.length = units_of(run)
+        self.origin = run.starts[0]
+        self.x, self.u = self._motion()
+        speed, d = self.length / self.time, run.dim
+        cubes = np.where(mesh.switches, np.maximum(self.x[1:, -1], self.x[:-1, -1]), self.x[:-1, -1])
+        self.scale = np.cbrt(cubes)
+        self.vectors = run.legs.vectors / self.length
+        self.vectors[:, 0] -= self.origin / self.length
+        self.vectors[:, 3] *= self.length
+        self.axes = np.array(
+            [speed / run.velocity, speed / self.time / run.acceleration, speed / self.time**2 / run.jerk]
         )
-        acceleration = 0.6 * (np.minimum(run.acceleration, run.bend) / first).min()
-        durations, jerks = seven_phases(length, speed, acceleration, 0.4 * (run.jerk / first).min())
-    total = durations.sum()
-    finest = (_FOLLOWED * run.tolerance[leg] * run.legs.radius(row)[0] ** 3 / speed**4) ** 0.25
-    finest = min(finest, 2.0 * _zone(run, leg) / _PER_ZONE)
-    phases = _phases(run, leg, total, max(3, int(np.ceil(total / (_PER_MIDDLE * finest)))))
-    width = np.concatenate([time * shares for time, shares in phases])
-    s = along(durations, jerks, np.concatenate([[0.0], np.cumsum(width)]))[0]
-    s[-1] = length
-    p = run.legs.at(np.repeat(row, s.size), s)[0]
-    v, a = _spline(p, width)
-    jerk = np.diff(a, axis=0) / width[:, None]
-    used = [np.abs(new / limit).max() for new, limit in ((a, run.acceleration), (jerk, run.jerk), (v, run.velocity))]
-    fast = max(used[2], np.sqrt((v**2).sum(axis=1)).max() / run.feed[leg])
-    bent = np.sqrt((a**2).sum(axis=1)).max() / run.bend
-    slower = max(1.0, fast / 0.95, (max(used[0], bent) / 0.9) ** 0.5, (used[1] / 0.85) ** (1.0 / 3.0))
-    a[[0, -1]] = 0.0
-    return phases, np.stack([p, v / slower, a / slower**2]), jerk / slower**3, slower
+        self.axes[0, run.velocity >= run.feed.max()] = 0.0
+        self.scalars = np.array([(speed / self.time / run.bend) ** 2, _SHORTEST**3])
+        after = np.flatnonzero(np.diff(mesh.leg)) + 2  # the segments that begin at vertices
+        reach = run.tolerance[mesh.leg] * (1.0 - _MARGIN)
+        self.reach, self.pace = (np.column_stack([limit, limit]) for limit in (reach, run.feed[mesh.leg]))
+        for limit in (self.reach, self.pace):
+            limit[after, 0] = np.minimum(limit[after, 0], limit[after - 2, 0])
+        self.target = np.column_stack([(run.ends - self.origin) / self.length, np.zeros((run.lengths.size, 2 * d))])
+
+    def _motion(self) -> tuple[FloatArray, FloatArray]:
+        mesh, d = self.mesh, self.run.dim
+        t = mesh.x[:, 3 * d :] / self.time
+        x = np.column_stack([mesh.x[:, : 3 * d] / self.length, t**3])
+        x[:, :d] -= self.origin / self.length
+        x[:, d : 2 * d] *= self.time * t
+        x[:, 2 * d : 3 * d] *= (self.time * t) ** 2
+        u = mesh.u * (self.time * t[:-1]) ** 3 / self.length
+        u[mesh.switches, 0] = (mesh.u[mesh.switches, 0] / self.time) ** 3
+        return x, u
+
+    def solve(self, stages: slice, last: int, product: float) -> int:
+        """Improve the motion in these stages, to rest at the end of leg ``last``; the number of iterations."""
+        mesh, run, speed = self.mesh, self.run, self.length / self.time
+        switches, share, leg = mesh.switches[stages], mesh.share[stages], mesh.leg[stages]
+        states = slice(stages.start, stages.stop + 1)
+        x, u = np.ascontiguousarray(self.x[states]), np.ascontiguousarray(self.u[stages])
+        sizes = np.array([run.dim, leg.size, run.lengths.size])
+        legs = (leg, self.vectors, run.legs.rates * self.length, run.lengths / self.length)
+        work, found, between = np.empty(core.joint_work(sizes)), np.empty(6), np.empty((leg.size, 2))
+        opened, count = _OPEN * run.tolerance.min() / self.length, 0
+        for once in range(_MOST_PASSES):
+            near, pace = (self.length / self.reach[stages]) ** 2, (speed / self.pace[stages]) ** 2
+            status = core.joint_solve(
+                *(sizes, switches, share, self.scale[stages], *legs, near, pace, self.axes, self.scalars),
+                *(self.target[last], _GAP, _AGAIN if once else product, opened, _MOST_ITERATIONS, x, u, work, found),
+            )
+            count += int(found[5])
+            if status:
+                why = _WHY[int(status)].format(int(found[5]))
+                raise SolverError(f"path and feed together, blocks {leg[0] + 1} to {leg[-1] + 1} of the run: {why}")
+            core.joint_between(sizes, switches, share, *legs, x, u, _BETWEEN, between)
+            excess = between * [self.length, speed] / np.column_stack([run.tolerance, run.feed])[leg]
+            over = excess > [1.0, 1.0 + _MOST_SPEED]
+            if not over.any():
+                self.x[states], self.u[stages] = x, u
+                return count
+            for limit, beyond, where in zip((self.reach, self.pace), excess.T, over.T, strict=True):
+                limit[stages][where] *= (_AIM ** (1 + once) / beyond[where])[:, None]
+        raise SolverError(
+            f"path and feed together, blocks {leg[0] + 1} to {leg[-1] + 1} of the run: after {_MOST_PASSES} passes the "
+            f"tolerance is exceeded by {excess[:, 0].max() - 1.0:.2g} of it"
+        )
+
+    def long_enough(self, begin: IntArray, leg: int, last: int) -> int:
+        """The first leg of those up to ``last`` so long after this one that the defects of its switches are nothing."""
+        lasts = self.mesh.share * np.cbrt(self.x[:-1, -1])
+        time = np.concatenate([[0.0], np.cumsum(lasts)])[begin]
+        until = int(np.searchsorted(time[: last + 1], time[leg] + _SETTLED))
+        return last if until > last or time[last] - time[until] < _SETTLED else until
+
+    def settle(self, stages: slice, start: FloatArray) -> _Piece:
+        """The motion of these stages in mm and s, from the state ``start`` (3, d); each follows from the one before."""
+        d = self.run.dim
+        on = np.flatnonzero(~self.mesh.switches[stages]) + stages.start
+        duration = np.cbrt(self.x[on, 3 * d]) * self.time
+        width, leg = self.mesh.share[on] * duration, self.mesh.leg[on]
+        end = self.x[stages.stop, : 3 * d].reshape(3, d) * self.length
+        end /= duration[-1] ** np.arange(3.0)[:, None]
+        end[0] += self.origin
+        if stages.stop == self.mesh.leg.size:
+            end = np.stack([self.run.ends[-1], np.zeros(d), np.zeros(d)])
+        state, jerk = arriving(start, self.length * self.u[on] / duration[:, None] ** 3, width, end)
+        return _Piece(width, state, jerk, leg)
 
 
-def _spline(p: FloatArray, width: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Speeds and accelerations (n, d) of the cubic spline through points p at distances width (n - 1) in time, at rest at its ends."""
-    n = p.shape[0]
-    slope = np.diff(p, axis=0) / width[:, None]
-    matrix, right = np.eye(n), np.zeros_like(p)
-    i = np.arange(1, n - 1)
-    matrix[i, i - 1], matrix[i, i], matrix[i, i + 1] = width[1:], 2.0 * (width[1:] + width[:-1]), width[:-1]
-    right[1:-1] = 3.0 * (width[1:, None] * slope[:-1] + width[:-1, None] * slope[1:])
-    v = np.linalg.solve(matrix, right)
-    a = np.empty_like(p)
-    a[:-1] = (6.0 * slope - 4.0 * v[:-1] - 2.0 * v[1:]) / width[:, None]
-    a[-1] = (2.0 * v[-2] + 4.0 * v[-1] - 6.0 * slope[-1]) / width[-1]
-    return v, a
+@dataclass
+class _Piece:
+    """A part of the motion: widths (m,) of its segments, states (3, m + 1, d), jerks (m, d), legs (m,)."""
+
+    width: FloatArray
+    state: FloatArray
+    jerk: FloatArray
+    leg: IntArray
 
 
-def _zone(run: JointRun, leg: int) -> float:
-    """Time beside a vertex in which swinging within the tolerance is worth it."""
-    return float(_ZONE * np.cbrt(run.tolerance[leg] / run.jerk.max()))
+def _end_of_window(run: JointRun, kept: int) -> int:
+    """The leg before which a window ends: it is so long beyond the kept ones that stopping there takes them no time.
 
-
-def _phases(run: JointRun, leg: int, total: float, inner: int) -> list[tuple[float, FloatArray]]:
-    """Times of the phases of a leg that takes so long, and the shares of their segments: short ones beside the vertices."""
-    zone = _zone(run, leg)
-    growing = _GROWTH ** np.arange(_PER_ZONE)
-    growing /= growing.sum()
-    if total < 0.3 * zone:
-        return [(total, np.full(_PER_ZONE, 1.0 / _PER_ZONE))]
-    if total < 2.5 * zone and inner <= 3:
-        return [(0.5 * total, growing), (0.5 * total, growing[::-1])]
-    middle = (total - 2.0 * zone) / inner
-    return [(zone, growing), *[(middle, np.full(_PER_MIDDLE, 1.0 / _PER_MIDDLE))] * inner, (zone, growing[::-1])]
-
-
-def _averaged(
-    durations: FloatArray, jerks: FloatArray, width: FloatArray, length: float
-) -> tuple[FloatArray, FloatArray, float]:
-    """Jerks (n,) constant on segments of those widths that come near those of the phases and end alike; states (3, n + 1).
-
-    All is slowed until it is strictly inside what the phases use; the third is the factor in time.
+    From the speed v to rest it is v^2 / (2 a) + v a / (2 J); twice that, for the last to speed up as well.
     """
-    t = np.concatenate([[0.0], np.cumsum(width)])
-    _, speed, acceleration, _ = along(durations, jerks, t)
-    jerk = np.diff(acceleration) / width
-    state, jerk = _arriving(np.zeros((3, 1)), jerk[:, None], width, np.array([[length], [0.0], [0.0]]))
-    state, jerk = state[..., 0], jerk[:, 0]
-    used = [
-        np.abs(new).max() / np.abs(old).max()
-        for new, old in ((state[1], speed), (state[2], acceleration), (jerk, jerks))
-    ]
-    slower = max(_SLOWED, used[0] / 0.95, (used[1] / 0.9) ** 0.5, (used[2] / 0.85) ** (1.0 / 3.0))
-    return state / slower ** np.arange(3.0)[:, None], jerk / slower**3, slower
+    n = run.lengths.size
+    speed = min(run.feed.max(), float(np.sqrt((run.velocity**2).sum())))
+    acceleration, jerk = min(run.acceleration.min(), run.bend), run.jerk.min()
+    acceleration = min(acceleration, np.sqrt(speed * jerk)) if np.isfinite(speed) else acceleration
+    way = speed * (speed / acceleration + acceleration / jerk) if np.isfinite(speed) else np.inf
+    beyond = np.cumsum(run.lengths[kept : kept + _MOST_BEYOND])
+    end = kept + max(_BEYOND, int(np.searchsorted(beyond, way)) + 1)
+    return min(end, kept + _MOST_BEYOND, n)
 
 
-def _arriving(
-    start: FloatArray, jerk: FloatArray, width: FloatArray, end: FloatArray, first: int = 0
-) -> tuple[FloatArray, FloatArray]:
-    """States (3, n + 1, d) of jerks (n, d) on segments of those widths, changed least, from ``first`` on, so that they end at ``end`` (3, d)."""
-    state = _rolled(start, jerk, width)
-    for _ in range(2):  # again for what rounding leaves
-        left = width[first:].sum() - np.concatenate([[0.0], np.cumsum(width[first:])])
-        # what each jerk adds to position, speed and acceleration at the end
-        added = np.array([-np.diff(left**k) / c for k, c in ((3, 6.0), (2, 2.0), (1, 1.0))])
-        unit = np.sqrt((added**2 / width[first:]).sum(axis=1))
-        root = added / unit[:, None] / np.sqrt(width[first:])
-        change = np.linalg.lstsq(root, (end - state[:, -1]) / unit[:, None], rcond=None)[0]
-        jerk = jerk.copy()
-        jerk[first:] += change / np.sqrt(width[first:, None])
-        state = _rolled(start, jerk, width)
-    state[:, -1] = end
-    return state, jerk
-
-
-def _rolled(start: FloatArray, jerk: FloatArray, width: FloatArray) -> FloatArray:
-    """Position, speed and acceleration (3, n + 1, d) at the ends of segments with those jerks (n, d)."""
-    h = width[:, None]
-    state = np.empty((3, width.size + 1, jerk.shape[1]))
-    state[:, 0] = start
-    a = state[2]
-    a[1:] = a[0] + np.cumsum(h * jerk, axis=0)
-    v = state[1]
-    v[1:] = v[0] + np.cumsum(h * (a[:-1] + 0.5 * h * jerk), axis=0)
-    state[0, 1:] = state[0, 0] + np.cumsum(h * (v[:-1] + h * (0.5 * a[:-1] + h * (jerk / 6.0))), axis=0)
-    return state
-
-
-def _units(run: JointRun) -> tuple[float, float]:
-    """Units of time, s, and of length, mm."""
-    jerk = run.jerk.max()
-    acceleration = min(run.acceleration.max(), run.bend)
-    time = 0.2 * acceleration / jerk if np.isfinite(acceleration) else np.cbrt(2.0 * np.median(run.tolerance) / jerk)
-    return time, jerk * time**3
-
-
-def _scaled(mesh: _Mesh, time: float, length: float, origin: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """States and controls as the solver has them."""
-    d = mesh.u.shape[1]
-    t = mesh.x[:, 3 * d :] / time
-    x = np.column_stack([mesh.x[:, : 3 * d] / length, t**3])
-    x[:, :d] -= origin / length
-    x[:, d : 2 * d] *= time * t
-    x[:, 2 * d : 3 * d] *= (time * t) ** 2
-    u = mesh.u * (time * t[:-1]) ** 3 / length
-    u[mesh.switches, 0] = (mesh.u[mesh.switches, 0] / time) ** 3
-    return x, u
-
-
-def _iterate(run: JointRun, mesh: _Mesh) -> tuple[FloatArray, FloatArray, int]:
-    """Improve the motion on the mesh until it is optimal and inside: states and controls, and the number of iterations."""
-    (time, length), d, m = _units(run), run.dim, mesh.leg.size
-    origin, speed = run.starts[0], length / time
-    x, u = _scaled(mesh, time, length, origin)
-    vectors = run.legs.vectors / length
-    vectors[:, 0] -= origin / length
-    vectors[:, 3] *= length
-    sizes = np.array([d, m, run.lengths.size])
-    geometry = (mesh.leg, vectors, run.legs.rates * length, run.lengths / length)
-    axes = np.array([speed / run.velocity, speed / time / run.acceleration, speed / time**2 / run.jerk])
-    axes[0, run.velocity >= run.feed.max()] = 0.0
-    scalars = np.array([(speed / time / run.bend) ** 2, _SHORTEST**3])
-    target = np.concatenate([(run.ends[-1] - origin) / length, np.zeros(2 * d)])
-    work, found, between = np.empty(core.joint_work(sizes)), np.empty(6), np.empty((m, 2))
-    reach, pace = (np.repeat(limit[mesh.leg][:, None], 2, axis=1) for limit in (run.tolerance, run.feed))
-    after = np.flatnonzero(np.diff(mesh.leg)) + 2  # the segments that begin at vertices
-    reach *= 1.0 - _MARGIN
-    for limit in (reach, pace):
-        limit[after, 0] = np.minimum(limit[after, 0], limit[after - 2, 0])
-    scale = np.cbrt(np.where(mesh.switches, np.maximum(x[1:, -1], x[:-1, -1]), x[:-1, -1]))
-    count = 0
-    for once in range(_MOST_PASSES):
-        status = core.joint_solve(
-            *(sizes, mesh.switches, mesh.share, scale, *geometry, (length / reach) ** 2, (speed / pace) ** 2, axes),
-            *(scalars, target, _GAP, _AGAIN if once else _FIRST, _OPEN * run.tolerance.min() / length),
-            *(_MOST_ITERATIONS, x, u, work, found),
-        )
-        count += int(found[5])
-        if status:
-            raise SolverError(f"path and feed together: {_WHY[int(status)].format(int(found[5]))}; found {found}")
-        core.joint_between(sizes, mesh.switches, mesh.share, *geometry, x, u, _BETWEEN, between)
-        excess = between * [length, speed] / np.column_stack([run.tolerance, run.feed])[mesh.leg]
-        over = excess > [1.0, 1.0 + _MOST_SPEED]
-        if not over.any():
-            return x, u, count
-        for limit, beyond, where in zip((reach, pace), excess.T, over.T, strict=True):
-            limit[where] *= (_AIM ** (1 + once) / beyond[where])[:, None]
-    raise SolverError(f"path and feed together: after {_MOST_PASSES} passes it exceeds {excess.max(axis=0)}")
-
-
-def _motion(run: JointRun, mesh: _Mesh, x: FloatArray, u: FloatArray, iterations: int) -> JointMotion:
-    """The motion with exactly those durations and, but for rounding, jerks: each state follows from the one before."""
-    d = run.dim
-    time, length = _units(run)
-    on = np.flatnonzero(~mesh.switches)
-    duration = np.cbrt(x[on, 3 * d]) * time
-    width, leg = mesh.share[on] * duration, mesh.leg[on]
-    start, end = np.zeros((3, d)), np.zeros((3, d))
-    start[0], end[0] = run.starts[0], run.ends[-1]
-    first = int(np.searchsorted(leg, leg[-1]))
-    (p, v, a), jerk = _arriving(start, length * u[on] / duration[:, None] ** 3, width, end, first)
-    return JointMotion(np.concatenate([[0.0], np.cumsum(width)]), p, v, a, jerk, leg, iterations)
+def _in_windows(run: JointRun, mesh: Mesh, product: float) -> JointMotion:
+    """Solve the run on a mesh, window by window."""
+    scaled, n = _Scaled(run, mesh), run.lengths.size
+    begin = np.searchsorted(mesh.leg, np.arange(n + 1))
+    state = np.stack([run.starts[0], np.zeros(run.dim), np.zeros(run.dim)])
+    pieces, count, leg = list[_Piece](), 0, 0
+    while leg < n:
+        kept = min(leg + _KEPT, n)
+        end = _end_of_window(run, kept)
+        kept = n if end == n else kept
+        count += scaled.solve(slice(begin[leg], begin[end]), end - 1, product)
+        while leg < kept:
+            until = scaled.long_enough(begin, leg, kept)
+            pieces.append(scaled.settle(slice(begin[leg], begin[until]), state))
+            state, leg = pieces[-1].state[:, -1], until
+    widths = np.concatenate([piece.width for piece in pieces])
+    position, velocity, acceleration = (
+        np.concatenate([pieces[0].state[k, :1], *(piece.state[k, 1:] for piece in pieces)]) for k in range(3)
+    )
+    jerk = np.concatenate([piece.jerk for piece in pieces])
+    legs = np.concatenate([piece.leg for piece in pieces])
+    t = np.concatenate([[0.0], np.cumsum(widths)])
+    return JointMotion(t, position, velocity, acceleration, jerk, legs, count)

@@ -31,7 +31,7 @@ def seven_phases(length: float, velocity: float, acceleration: float, jerk: floa
 
 
 def along(durations: FloatArray, jerks: FloatArray, t: FloatArray) -> FloatArray:
-    """Way, speed, acceleration and jerk (4, k) at the times t (k,) of phases from rest; those after the last one at its end."""
+    """Way, speed, acceleration and jerk (4, k) at the times t (k,) of phases from rest; later ones at the end."""
     ends = np.concatenate([[0.0], np.cumsum(durations)])
     states = np.zeros((durations.size + 1, 3))
     for k, (h, j) in enumerate(zip(durations, jerks, strict=True)):
