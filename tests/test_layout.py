@@ -57,7 +57,7 @@ ELSEWHERE = {
     ),
     "programs/path/test_absorb.py": ("planner.programs.path.corner_sizes",),
     "programs/path/test_smooth_path.py": tuple(
-        f"planner.programs.path.{name}" for name in ("measure", "moves", "stretch")
+        f"planner.programs.path.{name}" for name in ("measure", "moves", "separate_path", "stretch")
     ),
     "programs/path/test_tube.py": (
         "planner.programs.path.tube_knots",
@@ -105,6 +105,7 @@ TOPICS = {
     "docs/test_formats.py": "keys and columns on the pages of the file formats",
     "feedplan/cli/test_programs.py": "what a shop asks of a part program",
     "feedplan/cli/test_start.py": "what a command loads",
+    "feedplan/cli/test_joint_programs.py": "every command on programs whose path was found with its feed",
     "feedplan/test_tables.py": "results as tables and in two lines",
     "interp/literature/test_loops.py": "compiled loops of the literature against plain Python",
     "test_core_builds.py": "the compiled core under sanitizers, valgrind, and for other processors",

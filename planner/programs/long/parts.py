@@ -28,16 +28,15 @@ from planner.programs.path.absorb import Absorbed, absorb
 from planner.programs.path.corners import Junction, Junctions, classify
 from planner.programs.path.measure import LinePlace, Written, largest_deviation
 from planner.programs.path.moves import MovingBlocks, ProgramAxes
-from planner.programs.path.smooth_path import (
-    _MARGIN,
-    _SHORT_REST,
-    MAX_TRIES,
-    NARROWER,
-    _assemble,
-    _stretches,
+from planner.programs.path.separate_path import (
+    MARGIN,
+    SHORT_REST,
+    assemble,
     places_of,
+    stretches_of,
     widest_piece,
 )
+from planner.programs.path.smooth_path import MAX_TRIES, NARROWER
 from planner.programs.path.stretch import OVERLAP, Fitted, Stretch, fit
 from planner.programs.reading.program import Program, part_of
 from planner.types import FloatArray
@@ -218,7 +217,7 @@ class _View:
         edges = self.edges
         if self.is_last:
             return float(edges[-1])
-        return float(min(edges[-1] - 2.0 * _MARGIN - _SHORT_REST, edges[max(edges.size - 1 - _AHEAD, 0)]))
+        return float(min(edges[-1] - 2.0 * MARGIN - SHORT_REST, edges[max(edges.size - 1 - _AHEAD, 0)]))
 
     def fit(self, share: float, room: FloatArray | None) -> _FittedTubes | None:
         """Fit tubes with a share of their tolerance, corners within ``room``; None where the part would have no length."""
@@ -232,7 +231,7 @@ class _View:
         tubes: list[Fitted] = []
         inside = False
         feed = np.where(blocks.rapid | blocks.angular, blocks.feed, np.minimum(blocks.feed, limits.feed))
-        todo = self._entered(_stretches(blocks, junctions, self.start + _BESIDE), junctions, np.inf)[::-1]
+        todo = self._entered(stretches_of(blocks, junctions, self.start + _BESIDE), junctions, np.inf)[::-1]
         while todo:
             stretch = todo.pop()
             if stretch.start >= end - _BESIDE:
@@ -255,7 +254,7 @@ class _View:
         if np.isinf(end):
             end = self._last_cut(junctions, tubes)
         if (
-            end <= self.start + _SHORT_REST
+            end <= self.start + SHORT_REST
             and not self.is_last
             and not (s[junctions.kind == Junction.STOP] == end).any()
         ):
@@ -269,7 +268,7 @@ class _View:
         if entry is None:
             s = self.edges[1:-1]
             begun = first is not None and ((junctions.kind >= Junction.CORNER) & (s > start) & (s < first.start)).any()
-            if first is not None and first.start < start + _SHORT_REST and not begun:
+            if first is not None and first.start < start + SHORT_REST and not begun:
                 first = replace(first, stops=(self.cursor.rests, first.stops[1])).part(start, first.end, None)
                 first = replace(first, start=start)
                 return [first, *stretches[1:]]
@@ -281,7 +280,7 @@ class _View:
         if first is not None and first.start < fence:
             first = replace(first, start=start, stops=(False, first.stops[1])).part(start, first.end, entry)
             return [first, *stretches[1:]]
-        end = min(fence, start + 2.0 * _MARGIN, last)
+        end = min(fence, start + 2.0 * MARGIN, last)
         none = np.empty(0)
         index = int(np.clip(np.searchsorted(self.edges, start, side="right") - 1, 0, self.edges.size - 2))
         tolerance = float(self.blocks.tolerance[index])
@@ -300,7 +299,7 @@ class _View:
         at = int(inner[np.argmin(np.abs(s[inner] - fitted.abscissa))])
         junctions.kind[at] = Junction.STOP
         reasons[at] = f"the tube would leave the tolerance by {1e3 * (fitted.deviation - stretch.tolerance):.3g} um"
-        left = _stretches(self.blocks, junctions, max(stretch.start, self.start + _BESIDE), stretch.end)
+        left = stretches_of(self.blocks, junctions, max(stretch.start, self.start + _BESIDE), stretch.end)
         return self._entered(left, junctions, stretch.end) if stretch.start == self.start else left
 
     def _last_cut(self, junctions: Junctions, tubes: list[Fitted]) -> float:
@@ -336,7 +335,7 @@ def _knots(stretch: Stretch) -> int:
 def _measured(view: _View, pieces: _FittedTubes) -> PathPart:
     """Assemble the part and measure it."""
     blocks, cursor, written = view.blocks, view.cursor, view.written
-    curve, _, s_edges = _assemble(blocks, pieces.junctions, pieces.tubes)
+    curve, _, s_edges = assemble(blocks, pieces.junctions, pieces.tubes)
     owner = view.source.absorbed.owner[view.source.given(view.first, view.first + blocks.row.size)] - view.first
     run = cut_run(curve, s_edges, (written.place, blocks.feed[owner], blocks.angular[owner]), view.start, pieces.end)
     run = replace(run, row=view.given[run.row])

@@ -21,7 +21,7 @@ from planner.geometry.differential import dot
 from planner.joint.joint_run import JointMotion, JointRun
 from planner.joint.solve import solve_run
 from planner.machine.limits import Limits
-from planner.programs.path.corners import Junction, Junctions, classify
+from planner.programs.path.corners import Junction, Junctions
 from planner.programs.path.joint_pieces import JointPart, feet, pieces_of
 from planner.programs.path.moves import MovingBlocks
 from planner.programs.reading.program import FEED_GROUPS
@@ -65,7 +65,9 @@ class FoundRun:
         return self.part is not None and self.last == self.first + 1 and self.part.kind.tolist() == [Kind.LEG]
 
 
-def find_runs(blocks: MovingBlocks, junctions: Junctions, limits: Limits) -> list[FoundRun]:
+def find_runs(
+    blocks: MovingBlocks, junctions: Junctions, limits: Limits, separate_time: Callable[[int, int], float]
+) -> list[FoundRun]:
     """Cut the blocks at their exact stops, and find the path and the feed of every run that allows it.
 
     Parameters
@@ -75,12 +77,28 @@ def find_runs(blocks: MovingBlocks, junctions: Junctions, limits: Limits) -> lis
         What these become where the path is made separately.
     limits : Limits
         Of the axes of the blocks, whole: with chord error and period.
+    separate_time : callable
+        Time of a run whose path is made before its feed, s, by its first block and the one after its last.  Asked for runs
+        without a corner: there the tolerance may have nothing more to give, and the grid of the joint problem decides.
     """
     allowed = np.minimum(blocks.tolerance[:-1], blocks.tolerance[1:])
     stop = blocks.stop | ((junctions.kind == Junction.STOP) & (allowed <= 0.0))
     cuts = np.concatenate([[0], np.flatnonzero(stop) + 1, [blocks.row.size]])
     machine = _reason_of_machine(limits)
-    return [_found(blocks, junctions.kind, limits, int(first), int(last), machine) for first, last in pairwise(cuts)]
+    runs = [_found(blocks, junctions.kind, limits, int(first), int(last), machine) for first, last in pairwise(cuts)]
+    return [_faster(run, junctions.kind, separate_time) for run in runs]
+
+
+def _faster(run: FoundRun, kind: NDArray[np.int8], separate_time: Callable[[int, int], float]) -> FoundRun:
+    """The run as it is, or left to the separate path where that is faster."""
+    inner = kind[run.first : run.last - 1]
+    if run.part is None or not inner.size or (inner >= Junction.CORNER).any():
+        return run
+    took, other = run.part.law.duration, separate_time(run.first, run.last)
+    if took <= other:
+        return run
+    reason = f"that is {100.0 * (1.0 - other / took):.2g} % faster here"
+    return replace(run, part=None, reason=reason)
 
 
 def _found(
@@ -95,11 +113,6 @@ def _found(
         return FoundRun(first, last, pieces_of(run, motion))
     except SolverError as error:
         return FoundRun(first, last, None, str(error))
-
-
-def classified(blocks: MovingBlocks, room: FloatArray | None) -> Junctions:
-    """What the junctions of the blocks become where the path is made separately; ``room`` is what the corners may use."""
-    return classify(blocks.programmed, blocks.tolerance, blocks.stop, room, blocks.apart)
 
 
 def separate_notes(runs: list[FoundRun], line: IntArray) -> list[str]:
@@ -200,7 +213,10 @@ def _within_tolerance(run: JointRun) -> JointMotion:
 
 
 def _shares(run: JointRun, motion: JointMotion) -> FloatArray:
-    """Largest distance of the motion from each block against its tolerance, (n,): of points, and parabolas through three."""
+    """Largest distance of the motion from each block against its tolerance, (n,): of points, and parabolas through three.
+
+    And of the vertices from the motion, where it goes from one block to the next.
+    """
     inner = np.arange(_LOOKED_AT + 1) / _LOOKED_AT
     h = np.diff(motion.t)[:, None] * inner
     parts = (motion.position, motion.velocity, 0.5 * motion.acceleration)
@@ -217,7 +233,10 @@ def _shares(run: JointRun, motion: JointMotion) -> FloatArray:
     largest = np.maximum(np.maximum(away[:, 0], away[:, -1]), top.max(axis=1))
     used = np.zeros(run.lengths.size)
     np.maximum.at(used, motion.leg, np.sqrt(largest) / run.tolerance[motion.leg])
-    return used
+    node = np.flatnonzero(np.diff(motion.leg)) + 1
+    from_vertex = motion.position[node] - run.ends[:-1]
+    of_disc = np.sqrt(dot(from_vertex, from_vertex)) / np.minimum(run.tolerance[:-1], run.tolerance[1:])
+    return np.maximum(used, np.maximum(np.append(of_disc, 0.0), np.append(0.0, of_disc)))
 
 
 def _within_limits(blocks: MovingBlocks, first: int, limits: Limits, run: JointRun, motion: JointMotion) -> JointMotion:

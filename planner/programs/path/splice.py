@@ -11,6 +11,7 @@ from planner.geometry.chain import ChainCurve, Kind
 from planner.law import Timing
 from planner.machine.limits import Limits
 from planner.programs.path.joint_pieces import JointPart
+from planner.programs.path.joint_runs import FoundRun
 from planner.programs.path.moves import MovingBlocks
 from planner.types import FloatArray, IntArray
 
@@ -38,7 +39,7 @@ class Placed:
         return np.interp(s, self.s_edges, self.u_edges)
 
 
-def spliced(placed: Placed, blocks: MovingBlocks, runs: list[tuple[int, int, JointPart]], limits: Limits) -> Placed:
+def spliced(placed: Placed, blocks: MovingBlocks, found: list[FoundRun], limits: Limits) -> Placed:
     """Replace the legs of whole runs by what was found for them.
 
     Parameters
@@ -46,11 +47,12 @@ def spliced(placed: Placed, blocks: MovingBlocks, runs: list[tuple[int, int, Joi
     placed : Placed
         A chain in which every block of these runs is a leg, and their ends are stops.
     blocks : MovingBlocks
-    runs : list of (int, int, JointPart)
-        First block and the one after the last, in the order of the program.
+    found : list of FoundRun
+        In the order of the program.
     limits : Limits
         They were found for.
     """
+    runs = [(run.first, run.last, run.part) for run in found if run.part is not None]
     if not runs:
         return placed
     curve, edges = placed.curve, blocks.programmed.edges

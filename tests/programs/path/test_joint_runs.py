@@ -13,6 +13,7 @@ from planner.geometry.chain import Kind
 from planner.programs.path import joint_runs
 from planner.programs.path.joint_runs import find_runs
 from planner.programs.path.moves import MovingBlocks
+from planner.programs.path.separate_path import classified
 from planner.programs.path.smooth_path import program_path
 
 AXES = ("X", "Y", "Z")
@@ -22,8 +23,8 @@ SQUARE = [[0, 0], [12, 0], [12, 12], [0, 12], [0, 24]]
 
 def runs_of(source, limits=LIMITS):
     blocks = MovingBlocks.of(source, None)
-    junctions = joint_runs.classified(blocks, None)
-    return find_runs(blocks, junctions, limits.for_axes(blocks.axes, "the program"))
+    limits = limits.for_axes(blocks.axes, "the program")
+    return find_runs(blocks, classified(blocks, None), limits, lambda first, last: np.inf)
 
 
 def planned(source, limits=LIMITS, tolerance=0.02, **options):
@@ -168,3 +169,39 @@ def test_each_block_keeps_its_own_tolerance():
     third = np.linspace(path.u[2], path.u[3], 2000)
     assert np.abs(path.curve.derivatives(third, 0)[0][:, 1] - 10.0).max() <= narrow * (1.0 + 1e-9)
     assert path.deviation.largest > 2.0 * narrow
+
+
+def test_without_a_corner_the_faster_of_the_two_is_taken():
+    """A turn of a degree: within 50 um nothing is to be gained by swinging."""
+    turn = np.deg2rad(1.0)
+    points = [[0.0, 0.0], [50.0, 0.0], [50.0 + 50.0 * np.cos(turn), 50.0 * np.sin(turn)]]
+    for tolerance in (0.001, 0.05):
+        path, profile = planned(polyline(points), tolerance=tolerance)
+        _, other = planned(polyline(points), tolerance=tolerance, path="separate")
+        assert profile.duration <= other.duration * (1.0 + 1e-9)
+        if not path.counts["joint"]:
+            (note,) = path.notes
+            assert "% faster here" in note
+
+
+def test_the_slower_is_left_and_the_note_tells_by_how_much():
+    points = [[0.0, 0.0], [5.0, 0.0], [10.0, 0.5]]
+    blocks = MovingBlocks.of(polyline(points), 0.01)
+    limits = LIMITS.for_axes(blocks.axes, "the program")
+    kinds = classified(blocks, None)
+    (run,) = find_runs(blocks, kinds, limits, lambda first, last: np.inf)
+    took = run.part.law.duration
+    asked = []
+
+    def told(first, last):
+        asked.append((first, last))
+        return 0.99 * took
+
+    (left,) = find_runs(blocks, kinds, limits, told)
+    assert left.part is None
+    assert left.reason == "that is 1 % faster here"
+    assert asked == [(0, 2)]
+    corner = MovingBlocks.of(polyline(SQUARE), 0.01)
+    (run,) = find_runs(corner, classified(corner, None), limits, told)
+    assert run.part is not None
+    assert asked == [(0, 2)]
