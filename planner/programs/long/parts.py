@@ -33,7 +33,7 @@ from planner.programs.path.separate_path import (
     SHORT_REST,
     assemble,
     places_of,
-    stretches_of,
+    tube_stretches,
     widest_piece,
 )
 from planner.programs.path.smooth_path import MAX_TRIES, NARROWER
@@ -231,7 +231,7 @@ class _View:
         tubes: list[Fitted] = []
         inside = False
         feed = np.where(blocks.rapid | blocks.angular, blocks.feed, np.minimum(blocks.feed, limits.feed))
-        todo = self._entered(stretches_of(blocks, junctions, self.start + _BESIDE), junctions, np.inf)[::-1]
+        todo = self._entered(tube_stretches(blocks, junctions, self.start + _BESIDE), junctions, np.inf)[::-1]
         while todo:
             stretch = todo.pop()
             if stretch.start >= end - _BESIDE:
@@ -299,7 +299,7 @@ class _View:
         at = int(inner[np.argmin(np.abs(s[inner] - fitted.abscissa))])
         junctions.kind[at] = Junction.STOP
         reasons[at] = f"the tube would leave the tolerance by {1e3 * (fitted.deviation - stretch.tolerance):.3g} um"
-        left = stretches_of(self.blocks, junctions, max(stretch.start, self.start + _BESIDE), stretch.end)
+        left = tube_stretches(self.blocks, junctions, max(stretch.start, self.start + _BESIDE), stretch.end)
         return self._entered(left, junctions, stretch.end) if stretch.start == self.start else left
 
     def _last_cut(self, junctions: Junctions, tubes: list[Fitted]) -> float:

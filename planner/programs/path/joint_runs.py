@@ -92,7 +92,7 @@ def find_runs(
 def _faster(run: FoundRun, kind: NDArray[np.int8], separate_time: Callable[[int, int], float]) -> FoundRun:
     """The run as it is, or left to the separate path where that is faster."""
     inner = kind[run.first : run.last - 1]
-    if run.part is None or not inner.size or (inner >= Junction.CORNER).any():
+    if run.part is None or run.exact or (inner >= Junction.CORNER).any():
         return run
     took, other = run.part.law.duration, separate_time(run.first, run.last)
     if took <= other:

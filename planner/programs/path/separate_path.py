@@ -50,7 +50,7 @@ def built_separately(
         junctions.kind[first : last - 1], junctions.size[first : last - 1] = Junction.SMOOTH, 0.0
     reasons: dict[int, str] = {}
     tubes: list[Fitted] = []
-    todo = stretches_of(blocks, junctions)[::-1]
+    todo = tube_stretches(blocks, junctions)[::-1]
     feed = np.where(blocks.rapid | blocks.angular, blocks.feed, np.minimum(blocks.feed, limits.feed))
     while todo:
         stretch = todo.pop()
@@ -65,7 +65,7 @@ def built_separately(
         reasons[int(at)] = (
             f"the tube would leave the tolerance by {1e3 * (fitted.deviation - narrowed.tolerance):.3g} um"
         )
-        todo += stretches_of(blocks, junctions, stretch.start, stretch.end)[::-1]
+        todo += tube_stretches(blocks, junctions, stretch.start, stretch.end)[::-1]
     curve, u_edges, s_edges = assemble(blocks, junctions, tubes)
     placed = Placed(curve, u_edges, s_edges, np.interp(blocks.programmed.edges, s_edges, u_edges))
     return Built(placed, junctions, tubes, reasons)
@@ -80,7 +80,7 @@ def _within(s: FloatArray, stretch: Stretch) -> NDArray[np.bool_]:
     return np.asarray((s > stretch.start) & (s < stretch.end))
 
 
-def stretches_of(
+def tube_stretches(
     blocks: MovingBlocks, junctions: Junctions, first: float = -np.inf, last: float = np.inf
 ) -> list[Stretch]:
     """Stretches that need a tube, between first and last."""

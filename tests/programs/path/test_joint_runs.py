@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cases import drives
+from cases import PROGRAMS, drives
 from program_blocks import line, polyline, program, rapid
 
 from planner import check, plan_feedrate
@@ -15,6 +15,7 @@ from planner.programs.path.joint_runs import find_runs
 from planner.programs.path.moves import MovingBlocks
 from planner.programs.path.separate_path import classified
 from planner.programs.path.smooth_path import program_path
+from planner.programs.reading.reader import read_program
 
 AXES = ("X", "Y", "Z")
 LIMITS = drives(dim=3, axes=AXES)
@@ -45,6 +46,25 @@ def test_a_run_of_lines_is_faster_within_limits_and_tolerance():
     assert 0.5 < path.deviation_share <= 1.0
     assert path.stops == ()
     assert not path.notes
+
+
+@pytest.mark.parametrize(
+    ("name", "tolerance", "seconds"),
+    [
+        ("zigzag", 1e-3, 13.09),
+        ("zigzag", 1e-2, 12.29),
+        ("zigzag", 5e-2, 11.51),
+        ("slots", 1e-3, 6.19),
+        ("slots", 1e-2, 5.54),
+        ("slots", 5e-2, 5.165),
+    ],
+)
+def test_durations(name, tolerance, seconds):
+    path, profile = planned(read_program(PROGRAMS / f"{name}.ngc"), tolerance=tolerance)
+    assert path.counts["joint"] == path.counts["runs"] == 1
+    assert path.stops == ()
+    assert 0.9 < path.deviation_share <= 1.0
+    assert profile.duration <= seconds
 
 
 def test_runs_are_cut_at_the_stops_that_are_demanded():
