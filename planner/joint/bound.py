@@ -31,7 +31,10 @@ exist, since that is what the tolerance says.  In a direction w, s = w.q is a sc
    It is before the time of the next point that is passed.
 
 4. **Milestones** are the t_k, and turns in the direction of an axis; their times rise.  The times between them add up to the
-   whole: the best sequence of milestones is found by dynamic programming.
+   whole: the best sequence of milestones is found by dynamic programming.  What makes the block behind a vertex short
+   makes that before it long, if the motion speeds up there: the acceleration along the tangent m, half way between both
+   directions, is in one of ``_CELLS`` cells, in each of which w.a <= max (w.m) m.a + |p.a|, p = w - (w.m) m.  The bound is
+   the least over the cells of a vertex, and the largest over what follows on it.
 
 An arc is taken in pieces: the foot of the motion on it moves continuously from its start to its end, and the first times at
 which it reaches the ends of the pieces are times t_k.  Step 2 is used at its own ends alone: from the last time at the point
@@ -53,6 +56,9 @@ from planner.types import BoolArray, FloatArray, IntArray
 _SPAN = 12  # vertices between two milestones at most
 _ROUNDS = 4
 _BISECTIONS = 60
+_CELLS = 9  # of the acceleration along the tangent at a point
+_MAX_REFINED = 400  # points of a route whose accelerations are divided into cells
+_OPPOSITE = 1e-3  # length of the sum of two unit vectors
 _SAFE = 1.0 - 1e-10  # for what the sums are rounded by
 _MAX_ANGLE = np.pi / 16.0  # of a piece of an arc
 _PER_TOLERANCE = 4.0  # length of a piece at least
@@ -180,10 +186,35 @@ class _Visits:
         with np.errstate(invalid="ignore"):
             return np.where(single & np.isfinite(feed), np.abs(along) * feed + aside, np.inf)
 
+    def tangent(self, k: IntArray) -> FloatArray:
+        """Unit vectors (m, d) between the directions before and behind the points; 0 where these are opposite."""
+        along = np.diff(self.route.points, axis=0)
+        along = along / np.sqrt((along**2).sum(axis=1))[:, None]
+        middle = along[np.maximum(k - 1, 0)] + along[np.minimum(k, along.shape[0] - 1)]
+        length = np.sqrt((middle**2).sum(axis=1))[:, None]
+        return np.where(length > _OPPOSITE, middle / np.maximum(length, _OPPOSITE), 0.0)
+
+    def _in_cell(self, k: IntArray, w: FloatArray, feed: FloatArray, cell: FloatArray) -> FloatArray:
+        """Largest accelerations (m,) in the directions w where those along the tangent are within ``cell`` (2, m)."""
+        tangent = self.tangent(k)
+        share = (w * tangent).sum(axis=1)
+        aside = self.states(k, w - share[:, None] * tangent, feed)[1]
+        return np.maximum((share * cell).max(axis=0) + aside, 0.0)
+
     def between(
-        self, k: IntArray, to: IntArray, w: FloatArray, feed: FloatArray, turns: tuple[bool, bool] = (False, False)
+        self,
+        k: IntArray,
+        to: IntArray,
+        w: FloatArray,
+        feed: FloatArray,
+        turns: tuple[bool, bool] = (False, False),
+        cells: FloatArray | None = None,
     ) -> FloatArray:
-        """Least times (m,) from the points k to ``to`` (m,), seen in the directions w; ``turns``: milestones with s' = 0."""
+        """Least times (m,) from the points k to ``to`` (m,), seen in the directions w.
+
+        ``turns`` says which milestones are turns; ``cells`` (2, 2, m) holds the least and the largest acceleration along
+        the tangents of both points.
+        """
         route = self.route
         length = np.sqrt((w**2).sum(axis=1))
         way = (w * (route.points[to] - route.points[k])).sum(axis=1) - (route.radius[k] + route.radius[to]) * length
@@ -191,9 +222,12 @@ class _Visits:
         if not any(turns):
             limits[0] = np.minimum(limits[0], self.fastest(k, to, w, feed))
         states = []
-        for at, turn in zip((k, to), turns, strict=True):
+        for end, (at, turn) in enumerate(zip((k, to), turns, strict=True)):
             resting = np.where(route.at_rest(at), 0.0, limits[1])
-            states.append(np.stack([np.zeros(at.size), resting]) if turn else self.states(at, w, feed))
+            state = np.stack([np.zeros(at.size), resting]) if turn else self.states(at, w, feed)
+            if cells is not None:
+                state[1] = np.minimum(state[1], self._in_cell(at, -w if end else w, feed, cells[end]))
+            states.append(state)
         return time_of_way(way, limits, states[0], states[1])
 
 
@@ -279,17 +313,17 @@ def joint_bound(run: JointRun) -> JointBound:
     return _best_chain(visits)
 
 
-def _straight(visits: _Visits, k: IntArray, to: IntArray) -> FloatArray:
-    """Least times from the points k to to (m,): the best of the direct way and of the axes."""
+def _straight(visits: _Visits, k: IntArray, to: IntArray, cells: FloatArray | None = None) -> FloatArray:
+    """Least times from the points k to ``to`` (m,): the best of the direct way and of the axes."""
     route = visits.route
     way = route.points[to] - route.points[k]
     feed = _largest_between(route.feed, k, to)
     length = np.maximum(np.sqrt((way**2).sum(axis=1)), np.finfo(np.float64).tiny)
-    best = visits.between(k, to, way / length[:, None], feed)
+    best = visits.between(k, to, way / length[:, None], feed, cells=cells)
     for axis in range(route.run.dim):
         w = np.zeros_like(way)
         w[:, axis] = np.sign(way[:, axis])
-        best = np.maximum(best, visits.between(k, to, w, feed))
+        best = np.maximum(best, visits.between(k, to, w, feed, cells=cells))
     return best
 
 
@@ -302,40 +336,67 @@ def _largest_between(value: FloatArray, k: IntArray, to: IntArray) -> FloatArray
 
 
 def _best_chain(visits: _Visits) -> JointBound:
-    """The largest sum of times between milestones: node 0 of a point is its visit, 1 + 2 axis + sense a turn."""
-    n, nodes = visits.route.feed.size, 1 + 2 * visits.route.run.dim
+    """The largest sum of times between milestones.
+
+    Nodes of a point are its visits, one for each cell, and its turns, one for each axis and sense.  best[k, i] is a time
+    before which the node is not reached: where the milestone before is a visit, that holds in one of its cells.
+    """
+    n, turns = visits.route.feed.size, 2 * visits.route.run.dim
+    count = _CELLS if n <= _MAX_REFINED else 1
     to = np.repeat(np.arange(1, n + 1), np.minimum(np.arange(1, n + 1), _SPAN))
     first = np.searchsorted(to, np.arange(1, n + 2))
     k = to - 1 - (np.arange(to.size) - first[to - 1])
-    gain = _gains(visits, k, to)
-    best = np.full((n + 1, nodes), -np.inf)
-    best[0, 0] = 0.0
-    came = np.zeros((n + 1, nodes), dtype=np.intp)
+    gain = _gains(visits, k, to, count)
+    best = np.full((n + 1, count + turns), -np.inf)
+    best[0, :count] = 0.0
+    came = np.zeros((n + 1, count + turns), dtype=np.intp)
     for at in range(1, n + 1):
         some = slice(first[at - 1], first[at])
-        total = (best[k[some], :, None] + gain[some]).reshape(-1, nodes)
-        came[at] = total.argmax(axis=0)
-        best[at] = total.max(axis=0)
-    names, at, node = [], n, 0
+        total = best[k[some], :, None] + gain[some]
+        total = np.concatenate([total[:, :count].min(axis=1, keepdims=True), total[:, count:]], axis=1)
+        total = total.reshape(-1, count + turns)
+        came[at], best[at] = total.argmax(axis=0), total.max(axis=0)
+    at, node = n, int(best[n, :count].argmin())
+    seconds, names = float(best[at, node]) * _SAFE, []
     while at > 0:
-        names.append(f"point {at}" if node == 0 else f"axis {(node - 1) // 2} turns at point {at}")
-        row, node = divmod(int(came[at, node]), nodes)
-        at = int(k[first[at - 1] + row])
-    return JointBound(float(best[n, 0]) * _SAFE, tuple(reversed(names)))
+        names.append(f"point {at}" if node < count else f"axis {(node - count) // 2} turns at point {at}")
+        row, group = divmod(int(came[at, node]), 1 + turns)
+        at, before = int(k[first[at - 1] + row]), at
+        node = (
+            int((best[at, :count] + gain[first[before - 1] + row, :count, node]).argmin())
+            if group == 0
+            else count + group - 1
+        )
+    return JointBound(seconds, tuple(reversed(names)))
 
 
-def _gains(visits: _Visits, k: IntArray, to: IntArray) -> FloatArray:
-    """Least times (m, nodes, nodes) between the nodes of the points k and to (m,); -inf where there is no such turn."""
+def _gains(visits: _Visits, k: IntArray, to: IntArray, count: int) -> FloatArray:
+    """Least times (m, nodes, nodes) between the nodes of the points k and ``to`` (m,); -inf where there is no such turn."""
     d = visits.route.run.dim
-    gain = np.full((k.size, 1 + 2 * d, 1 + 2 * d), -np.inf)
-    gain[:, 0, 0] = _straight(visits, k, to)
+    gain = np.full((k.size, count + 2 * d, count + 2 * d), -np.inf)
+    gain[:, :count, :count] = _straight(visits, k, to)[:, None, None]
     feed = np.full(k.size, visits.route.feed.max())
     for axis in range(d):
         for sense in (0, 1):
             w = np.zeros((k.size, d))
             w[:, axis] = 1.0 if sense else -1.0  # s rises: it may turn behind in this sense, and before in the other
-            behind, before = 1 + 2 * axis + sense, 2 + 2 * axis - sense
-            for i, j in ((0, behind), (before, 0), (before, behind)):
-                time = visits.between(k, to, w, feed, (i > 0, j > 0))
-                gain[:, i, j] = np.where(time > 0.0, time, -np.inf)
+            behind, before = (slice(count + 2 * axis + x, count + 2 * axis + x + 1) for x in (sense, 1 - sense))
+            visit = slice(0, count)
+            for i, j in ((visit, behind), (before, visit), (before, behind)):
+                time = visits.between(k, to, w, feed, (i is before, j is behind))
+                gain[:, i, j] = np.where(time > 0.0, time, -np.inf)[:, None, None]
+    if count > 1:
+        near = np.flatnonzero(to == k + 1)
+        gain[near, :count, :count] = np.maximum(gain[near, :count, :count], _between_cells(visits, k[near], count))
     return gain
+
+
+def _between_cells(visits: _Visits, k: IntArray, count: int) -> FloatArray:
+    """Least times (m, count, count) from the points k to the next ones, from each cell to each."""
+    route = visits.route
+    points = np.arange(route.feed.size + 1)
+    top = visits.states(points, visits.tangent(points), np.full(points.size, route.feed.max()))[1]
+    edges = top * np.linspace(-1.0, 1.0, count + 1)[:, None]
+    point, i, j = (a.reshape(-1) for a in np.meshgrid(k, np.arange(count), np.arange(count), indexing="ij"))
+    cells = np.array([[edges[i, point], edges[i + 1, point]], [edges[j, point + 1], edges[j + 1, point + 1]]])
+    return _straight(visits, point, point + 1, cells).reshape(k.size, count, count)

@@ -21,7 +21,7 @@ TIGHT = {  # share of IPOPT's optimum that the bound reaches
     "90 degrees, 10 um": 0.997,
     "90 degrees, 50 um": 0.995,
     "135 degrees, 10 um": 0.993,
-    "30 degrees, 20 um": 0.91,
+    "30 degrees, 20 um": 0.951,
     "170 degrees, 10 um": 0.9999,
     "three legs in space, 20 um": 0.93,
     "arc and line, 10 um": 0.86,
@@ -32,6 +32,18 @@ TIGHT = {  # share of IPOPT's optimum that the bound reaches
 def test_the_bound_is_below_the_optimum_and_near_it(name):
     share = joint_bound(CASES[name]).seconds / KEPT[name]
     assert TIGHT[name] <= share <= 1.0 + 1e-6
+
+
+def test_the_accelerations_at_a_vertex_are_shared_by_both_blocks(monkeypatch):
+    """An octagon: each half of its turns would be fast with a tangential acceleration of its own sign."""
+    angle = np.arange(9) * np.pi / 4.0
+    run = polygon(5.0 * np.column_stack([np.cos(angle), np.sin(angle)]), 1e-2)
+    fastest, bound = solve_run(run).duration, joint_bound(run).seconds
+    assert 0.89 * fastest < bound < fastest
+    monkeypatch.setattr(bound_module, "_CELLS", 1)
+    assert 0.82 * fastest < joint_bound(run).seconds < 0.83 * fastest
+    monkeypatch.setattr(bound_module, "_CELLS", 40)
+    assert bound < joint_bound(run).seconds < fastest
 
 
 @pytest.mark.parametrize("length", [1e-3, 0.05, 1.0, 7.0, 40.0])
@@ -60,7 +72,7 @@ def random_polygon(seed):
     return polygon(points, 10.0 ** rng.uniform(-3.0, -1.3))
 
 
-@pytest.mark.parametrize("seed", range(24))
+@pytest.mark.parametrize("seed", range(16))
 def test_the_bound_is_below_every_motion(seed):
     run = random_polygon(seed)
     found = joint_bound(run)
@@ -76,13 +88,13 @@ def scaled(run, length, time):
     )
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_units_make_no_difference(seed):
     run = random_polygon(seed)
     assert joint_bound(scaled(run, 40.0, 3.0)).seconds == pytest.approx(3.0 * joint_bound(run).seconds, rel=1e-9)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_what_allows_more_takes_no_longer(seed):
     run = random_polygon(seed)
     before = joint_bound(run).seconds
