@@ -1,12 +1,19 @@
-"""The oracle by IPOPT against closed forms, and the optima kept of it."""
+"""The joint solver against IPOPT on small runs, and the oracle itself against closed forms."""
 
 import json
 
 import pytest
 from joint_reference import GRIDS, OPTIMA, cases, optimum, polygon, solve_reference, stopping_motion
 
+from benchmarks.joint import SYNTHETIC
+from benchmarks.motion_check import defects
+from planner.joint import solve
+from planner.joint.solve import solve_run
+
 CASES = cases()
 KEPT = json.loads(OPTIMA.read_text(encoding="utf-8"))
+SAME = 2e-4  # of the time
+GRID = 1.5e-3  # of the time: what more segments would save
 
 
 @pytest.mark.parametrize(("length", "off"), [(0.05, 1e-5), (1.0, 1e-5), (20.0, 2e-4)])
@@ -28,3 +35,30 @@ def test_the_optima_kept_are_those_of_the_cases():
 @pytest.mark.parametrize("name", CASES)
 def test_ipopt_finds_the_optimum_again(name):
     assert optimum(CASES[name])[0] == pytest.approx(KEPT[name]["seconds"], rel=2e-5)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_solver_finds_the_optimum_of_ipopt(name, monkeypatch):
+    """On more segments within 2e-4, either way; on its own it is above by what fewer segments cost."""
+    usual = solve_run(CASES[name])
+    monkeypatch.setattr(solve, "_PER_ZONE", 24)
+    monkeypatch.setattr(solve, "_PER_MIDDLE", 12)
+    finer = solve_run(CASES[name])
+    for motion in (usual, finer):
+        assert defects(CASES[name], motion) == []
+    assert finer.duration == pytest.approx(KEPT[name]["seconds"], rel=SAME)
+    assert -SAME < usual.duration / KEPT[name]["seconds"] - 1.0 < GRID
+
+
+@pytest.mark.parametrize(
+    ("name", "known"),
+    [
+        ("raster of 15 corners", (3.255, 2.983, 2.645)),
+        ("octagon", (1.3506, 1.1883, 0.8825)),
+        ("sawtooth of 135 degrees", (2.4156, 2.2300, 2.2234)),
+    ],
+)
+def test_times_that_an_earlier_solver_found(name, known):
+    """With rows at the nodes alone, and as many passes as it took."""
+    for tolerance, seconds in zip((1e-3, 1e-2, 5e-2), known, strict=True):
+        assert solve_run(polygon(SYNTHETIC[name], tolerance)).duration == pytest.approx(seconds, rel=GRID)
