@@ -22,6 +22,7 @@ from planner.types import FloatArray
 _HEAD_MM, _ROW_MM = 10.0, 44.5
 _ROOM = 1.12
 _DECADE_ROOM = 1.4
+_SHORT_LABEL = 6  # letters: three labels fit beside each other above a panel
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +117,8 @@ def plot_panels(title: str, panels: Sequence[Panel], *, columns: int = 2, width_
             axes.set_ylabel(panel.y_label)
             if panel.legend == "above":
                 place: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.2}
-                axes.legend(title=panel.title, alignment="left", ncols=2, columnspacing=1.2, **place)
+                ncols = 3 if max(len(line.label) for line in panel.lines) <= _SHORT_LABEL else 2
+                axes.legend(title=panel.title, alignment="left", ncols=ncols, columnspacing=1.2, **place)
                 continue
             axes.set_title(panel.title, loc="left")
             if len(panel.lines) > 1 and panel.legend == "best":
