@@ -10,6 +10,9 @@ import pytest
 from cases import PROJECT
 
 from benchmarks import joint_figures as figures
+from planner.geometry.blend import Legs
+from planner.joint.bound import joint_bound
+from planner.joint.joint_run import JointRun
 from planner.output.corner_view import distance_from
 
 PAGE = (PROJECT / "docs" / "joint.md").read_text(encoding="utf-8")
@@ -66,6 +69,20 @@ def test_a_reversal_saves_what_the_page_says():
     said = re.search(r"in the picture (\d+) ms", PAGE)
     assert 1e3 * (seconds(separate) - seconds(joint)) == pytest.approx(float(said[1]), abs=1.0)
     assert feed_at_least(separate) < 1e-3 < feed_at_least(joint)
+
+
+@pytest.mark.parametrize("degrees", [90, 135, 170])
+def test_the_bound_proves_what_the_page_says(degrees):
+    said = re.search(rf"([0-9.]+) % (?:of the time )?at( a turn of)?\s+{degrees}°", PAGE)
+    angle = np.deg2rad(degrees)
+    points = np.array([[0.0, 0.0], [20.0, 0.0], [20.0 + 20.0 * np.cos(angle), 20.0 * np.sin(angle)]])
+    legs = np.zeros((2, 4, 2))
+    legs[:, 0], legs[:, 3] = points[:-1], np.diff(points, axis=0) / 20.0
+    limits = {"velocity": np.full(2, 250.0), "acceleration": np.full(2, 1000.0), "jerk": np.full(2, 20000.0)}
+    lines = Legs(legs, np.zeros((2, 2)))
+    run = JointRun(lines, np.full(2, 20.0), np.full(2, 0.01), np.full(2, 100.0), **limits)
+    proven = joint_bound(run).seconds / seconds(passes(float(degrees), 1e-2)[1][0])
+    assert 100.0 * proven == pytest.approx(float(said[1]), abs=0.1)
 
 
 def test_a_program_as_text_is_planned():
