@@ -72,6 +72,8 @@ class Job:
         Distance that the lines of a program written from the plan may leave the curve by, mm.
     facts : tuple of (str, str)
         What the verdict says of where the curve comes from.
+    path_seconds : float
+        What it took to make the path of a program: a joint one is planned there.
     """
 
     curve: Curve
@@ -81,6 +83,7 @@ class Job:
     path: ProgramPath | None = None
     room: float = 0.0
     facts: tuple[tuple[str, str], ...] = ()
+    path_seconds: float = 0.0
 
     def __repr__(self) -> str:
         return f"Job({self.curve.name} on {self.machine})"
@@ -89,7 +92,7 @@ class Job:
     def of(cls, found: SourceCurve, limits: Limits, machine: str) -> Job:
         """Put a curve and the limits of a machine together, which may have more axes."""
         own = limits.for_curve(found.curve)
-        return cls(found.curve, own, machine, found.program, found.path, found.room, found.facts)
+        return cls(found.curve, own, machine, found.program, found.path, found.room, found.facts, found.seconds)
 
     def run(
         self, progress: Progress = _silent, *, bound: bool = True, certificate: Path | None = None, **options: Any
@@ -114,10 +117,12 @@ class Job:
         """
         began = time.perf_counter()
         profile = self.plan(progress, **options)
-        seconds = time.perf_counter() - began
+        seconds = time.perf_counter() - began + self.path_seconds
         if bound and profile.method != UNBOUNDED:
             profile = self.bound(profile, progress, certificate=certificate)
         verdict = self.judge(profile, progress, seconds=seconds)
+        if bound and profile.method != UNBOUNDED:
+            verdict = replace(verdict, any_path=self.any_path_bound(progress))
         return verdict if certificate is None else self.prove(verdict, certificate, progress)
 
     def plan(self, progress: Progress = _silent, **options: Any) -> FeedrateProfile:
@@ -151,6 +156,15 @@ class Job:
             progress(f"writing {certificate}", None)
             write_certificate(certificate, found.certificate)
         return replace(profile, lower_bound=float(found), claim=Claim.COMPUTED)
+
+    def any_path_bound(self, progress: Progress = _silent) -> float:
+        """Bound the time of the program from below, whatever path is made of it, s; nan where there is none."""
+        from planner.programs.path.any_path import any_path_bound
+
+        if self.program is None or self.path is None or self.curve.made_within is None:
+            return math.nan
+        progress("bounding the time of every path from below", None)
+        return any_path_bound(self.program, self.curve.made_within.mm, self.limits)
 
     def replay(self, profile: FeedrateProfile, period: float | None = None, *, order: int = 5) -> Samples:
         """Sample a plan once a period, that of the limits if left out."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -40,6 +41,8 @@ class SourceCurve:
         What a verdict says of where the curve comes from.
     program, path : Program, ProgramPath, optional
         The part program, and what was made of it.
+    seconds : float
+        What it took to make the path.
     """
 
     curve: Curve
@@ -47,6 +50,7 @@ class SourceCurve:
     facts: Pairs = ()
     program: Program | None = None
     path: ProgramPath | None = None
+    seconds: float = 0.0
 
 
 def is_program(source: str | Path) -> bool:
@@ -163,12 +167,14 @@ def program_curve(
             "feedplan windows plans any number"
         )
     limits = _widened(limits, program.axes) if widen else limits
+    began = time.perf_counter()
     made = path_of(program, limits, tolerance, share, path=path)
+    seconds = time.perf_counter() - began
     given = given_tolerances(program) if tolerance is None else np.array([tolerance])
     least = float(given[given > 0.0].min(initial=np.inf))
     room = (1.0 - share) * (least if np.isfinite(least) else DEFAULT_TOLERANCE)
     facts = (("program", program_summary(program, made)), *_said_of_share(share))
-    return SourceCurve(made.curve, room, facts, program, made)
+    return SourceCurve(made.curve, room, facts, program, made, seconds)
 
 
 def _said_of_share(share: float) -> Pairs:

@@ -46,7 +46,7 @@ class Verdict(Tabular):
     samples : Samples
     plan_report, samples_report : Report
     planning_time : float
-        s; nan where the plan was read from a table.
+        s, with the making of the path of a program; nan where the plan was read from a table.
     files : tuple of str
         What was written.
     program : ProgramPath, optional
@@ -55,6 +55,8 @@ class Verdict(Tabular):
         Further lines on where the path comes from, each with its name.
     proof : BoundReport, optional
         What the certificate of the lower bound proves; None where none was given.
+    any_path : float
+        Of a part program: no motion within its tolerance is faster, whatever its path, s; nan where that is not known.
     """
 
     profile: FeedrateProfile
@@ -68,6 +70,7 @@ class Verdict(Tabular):
     program: ProgramPath | None = None
     facts: tuple[tuple[str, str], ...] = ()
     proof: BoundReport | None = None
+    any_path: float = math.nan
 
     def columns(self) -> dict[str, NDArray[Any]]:
         """Limit, axis, what is allowed, the share of it that the plan and its samples use, and when most is used."""
@@ -112,8 +115,10 @@ class Verdict(Tabular):
 
     @property
     def contradicted(self) -> bool:
-        """The lower bound lies above a plan that keeps every limit: the bound is wrong."""
-        return self.holds and self.gap < -BOUND_TOLERANCE
+        """A lower bound lies above a plan that keeps every limit: the bound is wrong."""
+        return self.holds and (
+            self.gap < -BOUND_TOLERANCE or self.profile.duration < self.any_path * (1.0 - BOUND_TOLERANCE)
+        )
 
     @property
     def lower_bound(self) -> float:
@@ -183,7 +188,7 @@ def to_json(verdict: Verdict) -> str:
     if verdict.facts:
         facts["source"] = dict(verdict.facts)
     if verdict.program is not None:
-        facts["program"] = program_facts(verdict.program)
+        facts["program"] = program_facts(verdict.program) | {"any_path_s": verdict.any_path}
     return json.dumps(_finite(facts), indent=2, allow_nan=False)
 
 

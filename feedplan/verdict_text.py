@@ -98,7 +98,10 @@ def _facts(verdict: Verdict) -> list[str]:
         on_path = " on this path" if curve.timing is not None else ""
         bound = f"{verdict.lower_bound:.6g} s; the gap{on_path} is at most {gap}"
         if verdict.contradicted:
-            bound = f"{verdict.lower_bound:.9g} s is {_contradiction(verdict)}"
+            above = (
+                max(verdict.lower_bound, verdict.any_path) if math.isfinite(verdict.any_path) else verdict.lower_bound
+            )
+            bound = f"{above:.9g} s is {_contradiction(verdict)}"
         elif verdict.gap < 0.0 and not verdict.holds:
             bound = f"{verdict.lower_bound:.6g} s; no plan within the limits is as fast as this one, which breaks them"
         if verdict.proof is not None:
@@ -107,7 +110,17 @@ def _facts(verdict: Verdict) -> list[str]:
             bound = f"{verdict.lower_bound:.6g} s is the table's claim, not checked; if true, the gap is at most {gap}"
     else:
         bound = "none from this method"
-    return [*lines, *named("duration", time, BOLD), *named("lower bound", bound)]
+    return [*lines, *named("duration", time, BOLD), *named("lower bound", bound), *_any_path(verdict)]
+
+
+def _any_path(verdict: Verdict) -> list[str]:
+    """Lay out how much faster a motion on another path could be."""
+    if math.isnan(verdict.any_path):
+        return []
+    less = percent(max(1.0 - verdict.any_path / verdict.profile.duration, 0.0), 2)
+    return named(
+        "any path", f"{verdict.any_path:.6g} s; no motion within the tolerance takes less: {less} at most is left"
+    )
 
 
 def fact_lines(facts: Iterable[tuple[str, str]]) -> list[str]:
