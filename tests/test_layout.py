@@ -112,6 +112,7 @@ TOPICS = {
     "test_installed.py": "built and installed elsewhere",
     "test_wheel.py": "what is installed",
     "feedplan/test_arguments.py": "swapped arguments and wrong types, at every door",
+    "joint/test_joint_core.py": "the compiled joint solver against the problem as it is defined",
     "joint/test_optima.py": "the joint solver against IPOPT on small runs",
     "machine/test_feed_caps.py": "limits of a curve whose blocks have feeds of their own",
     "output/test_table_truth.py": "what a table claims is computed again",

@@ -28,6 +28,15 @@ int64_t joint_solve(const int64_t *sizes, const uint8_t *switches, const double 
                     const double *target, double gap, double start, double open, int64_t most, double *x, double *u,
                     double *work, double *found);
 
+/* One Newton step dx, du, from slacks and multipliers as at the start; aim (3): product of slacks and multipliers, weight of the
+ * distance from the target, hold of the durations; prices (n + 1, 3d + 1) of the dynamics and price (3d) of the target.  Returns 0
+ * where the system is not positive definite.  For its test. */
+int64_t joint_newton(const int64_t *sizes, const uint8_t *switches, const double *share, const double *scale,
+                     const int64_t *leg, const double *vectors, const double *rates, const double *lengths,
+                     const double *near, const double *pace, const double *axes, const double *scalars,
+                     const double *target, double start, const double *aim, double *x, double *u, double *work,
+                     const double *prices, const double *price, double *dx, double *du);
+
 /* Of every stage, at parts - 1 places within it: the largest distance from its leg and the largest speed into found (n, 2); 0 of a
  * switch. */
 void joint_between(const int64_t *sizes, const uint8_t *switches, const double *share, const int64_t *leg,

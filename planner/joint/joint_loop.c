@@ -218,3 +218,24 @@ int64_t joint_solve(const int64_t *sizes, const uint8_t *switches, const double 
     memcpy(found, out, sizeof out);
     return status;
 }
+
+int64_t joint_newton(const int64_t *sizes, const uint8_t *switches, const double *share, const double *scale,
+                     const int64_t *leg, const double *vectors, const double *rates, const double *lengths,
+                     const double *near, const double *pace, const double *axes, const double *scalars,
+                     const double *target, double start, const double *aim, double *x, double *u, double *work,
+                     const double *prices, const double *price, double *dx, double *du) {
+    const Problem problem = {sizes[0], sizes[1], switches, share, scale, leg, vectors, rates, lengths, near, pace,
+                             axes, axes + sizes[0], axes + 2 * sizes[0], scalars[0], scalars[1], target};
+    const Iterate it = iterate_of(&problem, x, u, work);
+    const int64_t d = sizes[0], n = sizes[1], nx = 3 * d + 1;
+    const Aim wanted = {aim[0], aim[1], aim[2]};
+    set_out(&problem, &it, start);
+    stand(&problem, &it);
+    memcpy(it.prices, prices, sizeof(double) * (size_t)((n + 1) * nx));
+    memcpy(it.price, price, sizeof(double) * (size_t)(3 * d));
+    if (!joint_back(&problem, &it, &wanted)) return 0;
+    joint_forth(&problem, &it);
+    memcpy(dx, it.dx, sizeof(double) * (size_t)((n + 1) * nx));
+    memcpy(du, it.du, sizeof(double) * (size_t)(n * d));
+    return 1;
+}

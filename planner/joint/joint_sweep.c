@@ -188,7 +188,10 @@ INLINE int step_back(const Problem *problem, int d, int64_t i, const Iterate *it
     const int nx = states_of(d), all = all_of(d), controls = problem->switches[i] ? 1 : d;
     Stage stage;
     assemble(problem, d, i, it, aim, &stage);
-    if (problem->switches[i] && !(stage.hessian[nx * (all + 1)] > FIRMNESS * aim->hold / (9.0 * square(it->u[i * d])))) return 0;
+    if (problem->switches[i]) {
+        const double held = aim->hold / (9.0 * square(it->u[i * d]));
+        if (!(stage.hessian[nx * (all + 1)] > FIRMNESS * held)) return 0;
+    }
     if (!factor(controls, all, stage.hessian + nx * (all + 1))) return 0;
     double *const gain = it->gain + i * d * nx, *const push = it->push + i * d;
     solve_controls(d, controls, &stage, gain, push);
@@ -225,6 +228,7 @@ void joint_forth(const Problem *problem, const Iterate *it) {
         const int switches = problem->switches[i];
         const double *const dx = it->dx + i * nx, *const gain = it->gain + i * d * nx;
         double *const du = it->du + i * d, *const next = it->dx + (i + 1) * nx;
+        memset(du, 0, sizeof(double) * (size_t)d);
         for (int a = 0; a < (switches ? 1 : d); a++) {
             du[a] = it->push[i * d + a];
             for (int b = 0; b < nx; b++) du[a] += gain[a * nx + b] * dx[b];

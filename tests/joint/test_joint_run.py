@@ -2,33 +2,10 @@
 
 import numpy as np
 import pytest
+from joint_runs import lines, run_of
 
 from planner.errors import InputError
-from planner.geometry.blend import Legs
 from planner.joint.joint_run import JointMotion, JointRun
-
-
-def lines(points: list[list[float]]) -> tuple[Legs, np.ndarray]:
-    """Legs between points, and their lengths."""
-    at = np.array(points)
-    step = np.diff(at, axis=0)
-    length = np.sqrt((step**2).sum(axis=1))
-    vectors = np.zeros((length.size, 4, at.shape[1]))
-    vectors[:, 0], vectors[:, 3] = at[:-1], step / length[:, None]
-    return Legs(vectors, np.zeros((length.size, 2))), length
-
-
-def run_of(points: list[list[float]], **changed: object) -> JointRun:
-    legs, length = lines(points)
-    n, d = length.size, len(points[0])
-    given = {
-        "tolerance": np.full(n, 0.01),
-        "feed": np.full(n, 100.0),
-        "velocity": np.full(d, 250.0),
-        "acceleration": np.full(d, 1000.0),
-        "jerk": np.full(d, 20000.0),
-    }
-    return JointRun(legs, length, **(given | changed))  # type: ignore[arg-type]
 
 
 def test_the_blocks_begin_and_end_at_the_points():
