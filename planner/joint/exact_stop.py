@@ -49,7 +49,7 @@ def limits_along(run: JointRun, leg: int) -> tuple[float, float, float]:
     return min(velocity, run.feed[leg]), min(acceleration, run.bend), jerk
 
 
-def exact_stops(run: JointRun, slowed: float) -> Mesh:
+def stopping_motion(run: JointRun, slowed: float) -> Mesh:
     """The exact-stop motion, slowed; phases beside each vertex are as long as swinging within the tolerance takes."""
     d = run.dim
     switches, share, leg, x, u = [], [], [], [], []

@@ -44,24 +44,24 @@ import numpy as np
 from planner.compiled import core
 from planner.errors import SolverError
 from planner.joint.constant_jerk import arriving
-from planner.joint.exact_stop import Mesh, exact_stops, limits_along, units_of
+from planner.joint.exact_stop import Mesh, stopping_motion, limits_along, units_of
 from planner.joint.joint_run import JointMotion, JointRun
 from planner.joint.straight import along, seven_phases
 from planner.types import FloatArray, IntArray
 
 _GAP = 3e-5  # of the time
-_MOST_ITERATIONS = 300
+_MAX_ITERATIONS = 300
 _ATTEMPTS = ((1.05, 3e-2), (1.3, 1e-1), (1.1, 3e-3))  # how much the start is slowed; products of slacks and multipliers
 _AGAIN = 3e-3  # that product where the start is a solution
 _OPEN = 30.0  # largest defect on the way, of the tolerance
-_MOST_PASSES = 10
+_MAX_PASSES = 10
 _BETWEEN = 16  # parts of a segment at which it is measured
 _MARGIN = 1e-5  # of the tolerance: closing the last defects moves by less
 _AIM = 0.998  # at what was beyond the tolerance or the feed; the more so from pass to pass
-_MOST_SPEED = 1e-7  # relative excess of the feed
+_MAX_SPEED = 1e-7  # relative excess of the feed
 _SETTLED = 20.0  # in units of time, the shortest part of the motion that is corrected by itself
 _SHORTEST = 0.02  # duration of a phase, in units
-_KEPT, _BEYOND, _MOST_BEYOND = 16, 8, 80  # blocks of a window that are kept, and those beyond
+_KEPT, _BEYOND, _MAX_BEYOND = 16, 8, 80  # blocks of a window that are kept, and those beyond
 _WHY = {1: "it had not converged after {} iterations", 2: "its system was singular after {} iterations"}
 
 
@@ -80,7 +80,7 @@ def solve_run(run: JointRun) -> JointMotion:
     failure = SolverError()
     for slowed, product in _ATTEMPTS:
         try:
-            return _in_windows(run, exact_stops(run, slowed), product)
+            return _in_windows(run, stopping_motion(run, slowed), product)
         except SolverError as error:
             failure = error
     raise failure
@@ -146,11 +146,11 @@ class _Scaled:
         legs = (leg, self.vectors, run.legs.rates * self.length, run.lengths / self.length)
         work, found, between = np.empty(core.joint_work(sizes)), np.empty(6), np.empty((leg.size, 2))
         opened, count = _OPEN * run.tolerance.min() / self.length, 0
-        for once in range(_MOST_PASSES):
+        for once in range(_MAX_PASSES):
             near, pace = (self.length / self.reach[stages]) ** 2, (speed / self.pace[stages]) ** 2
             status = core.joint_solve(
                 *(sizes, switches, share, self.scale[stages], *legs, near, pace, self.axes, self.scalars),
-                *(self.target[last], _GAP, _AGAIN if once else product, opened, _MOST_ITERATIONS, x, u, work, found),
+                *(self.target[last], _GAP, _AGAIN if once else product, opened, _MAX_ITERATIONS, x, u, work, found),
             )
             count += int(found[5])
             if status:
@@ -158,14 +158,14 @@ class _Scaled:
                 raise SolverError(f"path and feed together, blocks {leg[0] + 1} to {leg[-1] + 1} of the run: {why}")
             core.joint_between(sizes, switches, share, *legs, x, u, _BETWEEN, between)
             excess = between * [self.length, speed] / np.column_stack([run.tolerance, run.feed])[leg]
-            over = excess > [1.0, 1.0 + _MOST_SPEED]
+            over = excess > [1.0, 1.0 + _MAX_SPEED]
             if not over.any():
                 self.x[states], self.u[stages] = x, u
                 return count
             for limit, beyond, where in zip((self.reach, self.pace), excess.T, over.T, strict=True):
                 limit[stages][where] *= (_AIM ** (1 + once) / beyond[where])[:, None]
         raise SolverError(
-            f"path and feed together, blocks {leg[0] + 1} to {leg[-1] + 1} of the run: after {_MOST_PASSES} passes the "
+            f"path and feed together, blocks {leg[0] + 1} to {leg[-1] + 1} of the run: after {_MAX_PASSES} passes the "
             f"tolerance is exceeded by {excess[:, 0].max() - 1.0:.2g} of it"
         )
 
@@ -176,7 +176,7 @@ class _Scaled:
         until = int(np.searchsorted(time[: last + 1], time[leg] + _SETTLED))
         return last if until > last or time[last] - time[until] < _SETTLED else until
 
-    def settle(self, stages: slice, start: FloatArray) -> _Piece:
+    def settle(self, stages: slice, start: FloatArray) -> _Part:
         """The motion of these stages in mm and s, from the state ``start`` (3, d); each follows from the one before."""
         d = self.run.dim
         on = np.flatnonzero(~self.mesh.switches[stages]) + stages.start
@@ -188,11 +188,11 @@ class _Scaled:
         if stages.stop == self.mesh.leg.size:
             end = np.stack([self.run.ends[-1], np.zeros(d), np.zeros(d)])
         state, jerk = arriving(start, self.length * self.u[on] / duration[:, None] ** 3, width, end)
-        return _Piece(width, state, jerk, leg)
+        return _Part(width, state, jerk, leg)
 
 
 @dataclass
-class _Piece:
+class _Part:
     """A part of the motion: widths (m,) of its segments, states (3, m + 1, d), jerks (m, d), legs (m,)."""
 
     width: FloatArray
@@ -211,9 +211,9 @@ def _end_of_window(run: JointRun, kept: int) -> int:
     acceleration, jerk = min(run.acceleration.min(), run.bend), run.jerk.min()
     acceleration = min(acceleration, np.sqrt(speed * jerk)) if np.isfinite(speed) else acceleration
     way = speed * (speed / acceleration + acceleration / jerk) if np.isfinite(speed) else np.inf
-    beyond = np.cumsum(run.lengths[kept : kept + _MOST_BEYOND])
+    beyond = np.cumsum(run.lengths[kept : kept + _MAX_BEYOND])
     end = kept + max(_BEYOND, int(np.searchsorted(beyond, way)) + 1)
-    return min(end, kept + _MOST_BEYOND, n)
+    return min(end, kept + _MAX_BEYOND, n)
 
 
 def _in_windows(run: JointRun, mesh: Mesh, product: float) -> JointMotion:
@@ -221,7 +221,7 @@ def _in_windows(run: JointRun, mesh: Mesh, product: float) -> JointMotion:
     scaled, n = _Scaled(run, mesh), run.lengths.size
     begin = np.searchsorted(mesh.leg, np.arange(n + 1))
     state = np.stack([run.starts[0], np.zeros(run.dim), np.zeros(run.dim)])
-    pieces, count, leg = list[_Piece](), 0, 0
+    pieces, count, leg = list[_Part](), 0, 0
     while leg < n:
         kept = min(leg + _KEPT, n)
         end = _end_of_window(run, kept)

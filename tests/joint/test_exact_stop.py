@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from joint_runs import polygon, run_of
 
-from planner.joint.exact_stop import exact_stops
+from planner.joint.exact_stop import stopping_motion
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -12,7 +12,7 @@ def test_it_is_a_motion_inside_all_limits(seed):
     """Each stage leads to the next one exactly, along the lines, below the limits."""
     points, tolerance = polygon(seed)
     run = run_of(points, tolerance=np.full(len(points) - 1, tolerance))
-    mesh = exact_stops(run, 1.05)
+    mesh = stopping_motion(run, 1.05)
     d = run.dim
     on = np.flatnonzero(~mesh.switches)
     p, v, a, t = np.split(mesh.x, [d, 2 * d, 3 * d], axis=1)
