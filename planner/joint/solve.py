@@ -44,7 +44,7 @@ import numpy as np
 from planner.compiled import core
 from planner.errors import SolverError
 from planner.joint.constant_jerk import arriving
-from planner.joint.exact_stop import Mesh, stopping_motion, limits_along, units_of
+from planner.joint.exact_stop import Mesh, limits_along, stopping_motion, units_of
 from planner.joint.joint_run import JointMotion, JointRun
 from planner.joint.straight import along, seven_phases
 from planner.types import FloatArray, IntArray
