@@ -62,7 +62,8 @@ def windows(
 ) -> None:
     """Plan a part program of any length, window by window.
 
-    Writes the table and, beside it, the seconds of every line.  Interrupted and started again, it goes on where it was.
+    The path is made before its feed (as by --path separate elsewhere).  Writes the table and, beside it, the seconds of
+    every line.  Interrupted and started again, it goes on where it was.
     Exit code 1: the plan breaks a limit.
     """
     require_program(program, "feedplan windows")
