@@ -31,7 +31,7 @@ def read(tmp_path):
 
 
 def planned(source):
-    path = program_path(source, None, MACHINE)
+    path = program_path(source, None, MACHINE, path="separate")
     limits = MACHINE.for_curve(path.curve)
     return path, limits, plan_feedrate(path.curve, limits, intervals=path.intervals)
 

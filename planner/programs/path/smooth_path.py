@@ -201,13 +201,14 @@ def _separate_time(absorbed: Absorbed, blocks: MovingBlocks, limits: Limits, fir
 
 def _measure(absorbed: Absorbed, built: _Made, written: Written) -> tuple[Deviation, float]:
     """The largest deviation of the path, and the largest against its tolerance."""
-    placed = built.placed
-    along = placed.curve, placed.u_edges, placed.s_edges, written
-    places = places_of(absorbed.edges, absorbed.own, built.separate.junctions, built.separate.tubes)
-    measured = largest_deviation(
-        *along, places, widest_piece(built.separate.junctions, built.separate.tubes), pieces=placed.curve.edges
-    )
-    found = [measured, *_measured_runs(absorbed, built, written, built.runs)]
+    placed, separate = built.placed, built.separate
+    joint = [absorbed.edges[[run.first, run.last]] for run in built.runs if run.part is not None]
+    apart = [line for line in written.lines if not any(lo <= line[0] and line[1] <= hi for lo, hi in joint)]
+    places = places_of(absorbed.edges, absorbed.own, separate.junctions, separate.tubes)
+    along = placed.curve, placed.u_edges, placed.s_edges, replace(written, lines=apart)
+    widest = widest_piece(separate.junctions, separate.tubes)
+    found = [largest_deviation(*along, places, widest, pieces=placed.curve.edges)]
+    found += _measured_runs(absorbed, built, written, built.runs)
     return max((deviation for deviation, _ in found), key=lambda item: item.largest), max(share for _, share in found)
 
 

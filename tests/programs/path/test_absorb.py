@@ -27,7 +27,7 @@ TOLERANCES = (0.001, 0.01, 0.05)
 
 def planned(source, tolerance, limits=LIMITS):
     """The path of a program and the duration of its plan, which must pass its check."""
-    path = program_path(source, tolerance, limits)
+    path = program_path(source, tolerance, limits, path="separate")
     own = limits.for_curve(path.curve)
     profile = plan_feedrate(path.curve, own, intervals=path.intervals)
     report = check(path.curve, own, profile)
@@ -310,7 +310,9 @@ class TestNotAbsorbed:
 
     def test_a_smooth_curve_of_short_chords(self):
         angle = np.linspace(0.0, 1.5, 2001)
-        path = program_path(polyline(10.0 * np.column_stack([np.sin(angle), 1.0 - np.cos(angle)])), 0.01, LIMITS)
+        path = program_path(
+            polyline(10.0 * np.column_stack([np.sin(angle), 1.0 - np.cos(angle)])), 0.01, LIMITS, path="separate"
+        )
         assert path.counts["absorbed"] == 0
 
 
@@ -371,7 +373,7 @@ def test_the_tolerance_never_makes_a_plan_slower_than_stopping(angle):
 
 @pytest.mark.parametrize("tolerance", [1e-8, 1e-6, 1e-4])
 def test_tubes_at_tiny_tolerances_stay_small(tolerance):
-    path = program_path(polyline(corner(10.0)), tolerance, LIMITS)
+    path = program_path(polyline(corner(10.0)), tolerance, LIMITS, path="separate")
     assert path.counts["knots"] < 500
     assert path.deviation_share <= 1.0
 

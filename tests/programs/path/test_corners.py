@@ -136,14 +136,14 @@ def test_time_of_a_right_angle(tolerance):
     """
     seconds = 0.7 - 2.0 * np.cbrt(6.0 * tolerance / np.sqrt(2.0) / 2e4)
     limits = drives()
-    path = program_path(program(line(20, 0), line(20, 20)), tolerance, limits)
+    path = program_path(program(line(20, 0), line(20, 20)), tolerance, limits, path="separate")
     profile = plan_feedrate(path.curve, limits, intervals=2000)
     assert seconds * (1.0 - 1e-6) <= profile.duration <= seconds * (1.0 + 2e-4)
 
 
 def test_corner_beside_an_arc_keeps_the_tolerance():
     limits = drives()
-    path = program_path(program(line(20, 0), arc((20, 10), (15, 5), 1), line(20, 25)), 0.05, limits)
+    path = program_path(program(line(20, 0), arc((20, 10), (15, 5), 1), line(20, 25)), 0.05, limits, path="separate")
     assert path.counts["corners"] == 2
     assert path.deviation.largest <= 0.05
     assert path.deviation.largest > 0.03
