@@ -53,9 +53,9 @@ def test_the_solver_finds_the_optimum_of_ipopt(name, monkeypatch):
 @pytest.mark.parametrize(
     ("name", "known"),
     [
-        ("raster of 15 corners", (3.255, 2.983, 2.645)),
+        ("raster of 15 corners, 20 mm lines", (3.255, 2.983, 2.645)),
         ("octagon", (1.3506, 1.1883, 0.8825)),
-        ("sawtooth of 135 degrees", (2.4156, 2.2300, 2.2234)),
+        ("sawtooth of 10 legs", (2.4156, 2.2300, 2.2234)),
     ],
 )
 def test_times_that_an_earlier_solver_found(name, known):
