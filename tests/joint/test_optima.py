@@ -7,7 +7,7 @@ from joint_reference import GRIDS, OPTIMA, cases, optimum, polygon, solve_refere
 
 from benchmarks.joint import SYNTHETIC
 from benchmarks.motion_check import defects
-from planner.joint import solve
+from planner.joint import exact_stop
 from planner.joint.solve import solve_run
 
 CASES = cases()
@@ -40,13 +40,14 @@ def test_ipopt_finds_the_optimum_again(name):
 @pytest.mark.parametrize("name", CASES)
 def test_the_solver_finds_the_optimum_of_ipopt(name, monkeypatch):
     """On more segments within 2e-4, either way; on its own it is above by what fewer segments cost."""
-    usual = solve_run(CASES[name])
-    monkeypatch.setattr(solve, "_PER_ZONE", 24)
-    monkeypatch.setattr(solve, "_PER_MIDDLE", 12)
-    finer = solve_run(CASES[name])
-    for motion in (usual, finer):
+    usual, finer = solve_run(CASES[name]), []
+    for zone, middle in ((16, 8), (24, 12)):  # the better of the two, as IPOPT's is the best of several grids
+        monkeypatch.setattr(exact_stop, "_PER_ZONE", zone)
+        monkeypatch.setattr(exact_stop, "_PER_MIDDLE", middle)
+        finer.append(solve_run(CASES[name]))
+    for motion in (usual, *finer):
         assert defects(CASES[name], motion) == []
-    assert finer.duration == pytest.approx(KEPT[name]["seconds"], rel=SAME)
+    assert min(motion.duration for motion in finer) == pytest.approx(KEPT[name]["seconds"], rel=SAME)
     assert -SAME < usual.duration / KEPT[name]["seconds"] - 1.0 < GRID
 
 
