@@ -2,7 +2,8 @@
 
     python -m benchmarks.program_figures [--output docs]
 
-Tolerance, corner and speed on the zigzag; the tube against a kernel on the slots.  Everything drawn is planned.
+Tolerance, corner and speed on the zigzag; the tube against a kernel on the slots.  Everything drawn is planned, on paths
+that are made before their feed; those found with it are in ``benchmarks.joint_figures``.
 """
 
 from __future__ import annotations
@@ -62,7 +63,7 @@ def corner_figure() -> Figure:
     vertex = program.end[_VERTEX - 1, :2]
     shapes, feeds = [], []
     for tolerance in TOLERANCES:
-        path = program_path(program, tolerance, LIMITS)
+        path = program_path(program, tolerance, LIMITS, path="separate")
         profile = job(path.curve).plan()
         u = path.u[_VERTEX] + np.linspace(-_AROUND_MM, _AROUND_MM, 4001)
         feeds.append(Line(label(tolerance), u - path.u[_VERTEX], along(profile, u)))
@@ -70,7 +71,7 @@ def corner_figure() -> Figure:
         x, y = _MICRO * (path.curve.derivatives(near, 0)[0] - vertex).T
         seen = (np.abs(x) < _AROUND_UM) & (np.abs(y) < _AROUND_UM)
         shapes.append(Line(label(tolerance), x[seen], y[seen]))
-    still = program_path(stopping(program), None, LIMITS)
+    still = program_path(stopping(program), None, LIMITS, path="separate")
     rest = job(still.curve).plan()
     u = still.u[_VERTEX] + np.linspace(-_AROUND_MM, _AROUND_MM, 4001)
     feeds.append(Line("exact stop", u - still.u[_VERTEX], along(rest, u)))
@@ -90,11 +91,11 @@ def corner_figure() -> Figure:
 def time_figure() -> Figure:
     """Time of the zigzag against its tolerance, beside a closed formula and an exact stop in every corner."""
     program = read_program(FOLDER / "zigzag.ngc")
-    rest = job(program_path(stopping(program), None, LIMITS).curve).plan().duration
+    rest = job(program_path(stopping(program), None, LIMITS, path="separate").curve).plan().duration
     tolerances = np.array(_SWEEP)
     times, without = [], []
     for tolerance in tolerances:
-        path = program_path(program, float(tolerance), LIMITS)
+        path = program_path(program, float(tolerance), LIMITS, path="separate")
         times.append(job(path.curve).plan().duration)
         without.append(job(path.curve).without_jerk().plan().duration)
     corners = len(program) - 1
@@ -131,7 +132,7 @@ def kernel_spline(program: Program, tolerance: float) -> NurbsCurve:
     """
     blocks = MovingBlocks.of(program, tolerance)
     edges = blocks.programmed.edges
-    exact = program_path(stopping(program), None, LIMITS)  # the program itself, over its abscissa
+    exact = program_path(stopping(program), None, LIMITS, path="separate")  # the program itself, over its abscissa
 
     def spline(spacing: float) -> NurbsCurve:
         spans = int(np.ceil(edges[-1] / spacing))
@@ -163,8 +164,8 @@ def offset(curve: Curve, program: ProgramPath, u: FloatArray, s: FloatArray) -> 
 def tube_figure(tolerance: float = 0.01) -> Figure:
     """From a line into a half circle: tube and kernel within the same tolerance, and an exact stop."""
     program = read_program(FOLDER / "slots.ngc")
-    exact = program_path(stopping(program), None, LIMITS)
-    path = program_path(program, tolerance, LIMITS)
+    exact = program_path(stopping(program), None, LIMITS, path="separate")
+    path = program_path(program, tolerance, LIMITS, path="separate")
     kernel = kernel_spline(program, tolerance)
     at = exact.u[_SLOT - 1]
     s = at + np.linspace(-12.0, 28.0, 2001)
@@ -176,7 +177,7 @@ def tube_figure(tolerance: float = 0.01) -> Figure:
     )
     times: dict[str, list[float]] = {"tube": [], "kernel": []}
     for value in TOLERANCES:
-        other = program_path(program, value, LIMITS)
+        other = program_path(program, value, LIMITS, path="separate")
         times["tube"].append(job(other.curve).plan().duration)
         spline = kernel_spline(program, value)
         times["kernel"].append(job(spline).plan().duration)
