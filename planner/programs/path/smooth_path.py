@@ -232,8 +232,10 @@ def _measure_run(absorbed: Absorbed, built: _Made, written: Written, run: FoundR
 
 def _places_of_run(absorbed: Absorbed, run: FoundRun) -> list[LinePlace]:
     """Where a run that was found jointly lies, block by block, and the tolerance there."""
-    if run.part is None or run.exact:
+    if run.part is None:
         return []
+    if run.exact:  # it is the line, which may stand for several blocks
+        return absorbed.lines(run.first, run.last)
     some = range(run.first, run.last)
     return [(float(absorbed.edges[k]), float(absorbed.edges[k + 1]), float(absorbed.own[k])) for k in some]
 
