@@ -2,8 +2,8 @@
 
 The path is the motion's own cubics, never refitted.  Where the motion bends, a piece p + v h + a h^2 / 2 + j h^3 / 6 is a
 span of the parameter u = u0 + c h, c the mean feed of the run: the law is linear there, and the path C2 in u.  Where v, a
-and j are parallel it is a straight line and becomes a leg by its length x, with the cubic law x(h): so are the first and the
-last piece, at whose ends u = c h would have no tangent, and what lies beside a point at which the motion turns back on
+and j are parallel it is a straight line and may be a leg by its length x, with the cubic law x(h): so are the first and the
+last piece, at whose ends u = c h would have no tangent, and all such pieces where the motion is on one line or turns back on
 itself.  There the speed is 0 and the acceleration is not: both legs end at a corner of the path.
 """
 
@@ -84,6 +84,9 @@ def pieces_of(run: JointRun, motion: JointMotion) -> JointPart:
     pace = float(run.lengths.sum() / t[-1])
     # Legs go on as long as their direction does.
     on = _goes_on(along)
+    if not (straight.all() or (straight[1:] & straight[:-1] & ~on).any()):
+        # A leg of several pieces has the direction of one: the last digits of it are worth a jerk at its other end.
+        straight[1:-1] = False
     new = np.concatenate([[True], ~(straight[1:] & straight[:-1] & on)])
     first = np.flatnonzero(new)
     last = np.append(first[1:], step.size)
