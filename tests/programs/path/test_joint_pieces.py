@@ -54,8 +54,8 @@ def test_a_corner_begins_and_ends_with_legs_and_goes_like_time_between():
     assert part.kind.tolist() == [Kind.LEG, *[Kind.SPAN] * 4, Kind.LEG]
     assert not part.turns.any()
     curve = chain_of(part)
-    # C2 where spans join; where a leg begins the direction goes on, and the curvature.
-    assert [(b.parametric, b.geometric) for b in curve.breaks] == [(0, 2), (2, 2), (2, 2), (2, 2), (0, 2)]
+    # C2 where spans join; where a leg begins the path goes on straight.
+    assert [(b.parametric, b.geometric) for b in curve.breaks] == [(0, 3), (2, 2), (2, 2), (2, 2), (0, 3)]
     # the law is linear on spans
     middle = (part.law.u > part.edges[1]) & (part.law.u < part.edges[5])
     assert (part.law.u_acceleration[middle] == 0.0).all()
