@@ -51,7 +51,7 @@ from planner.types import FloatArray, IntArray
 
 _GAP = 3e-5  # of the time
 _MAX_ITERATIONS = 300
-_ATTEMPTS = ((1.05, 3e-2), (1.3, 1e-1), (1.1, 3e-3))  # how much the start is slowed; products of slacks and multipliers
+_ATTEMPTS = ((1.05, 3e-2), (1.3, 1e-1))  # how much the start is slowed; products of slacks and multipliers
 _AGAIN = 3e-3  # that product where the start is a solution
 _OPEN = 30.0  # largest defect on the way, of the tolerance
 _MAX_PASSES = 10

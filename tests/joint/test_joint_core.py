@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from joint_system_reference import Problem
 from joint_runs import lines
+from joint_system_reference import Problem
 
 from planner.compiled import core
 

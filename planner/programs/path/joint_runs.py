@@ -31,12 +31,17 @@ from planner.types import FloatArray, IntArray
 _MAX_BLOCKS = 20_000  # of a run: bounds the memory of its solver
 # Of a run most of whose blocks go on smoothly: the time of its solver, where there is little to gain.
 _MAX_SMOOTH, _SMOOTH_SHARE = 500, 0.8
+# Blocks shorter than so many tolerances are passed in less than the swing beside a vertex takes: of many the solver finds no end.
+_SHORT, _MAX_SHORT = 5.0, 60
+_MAX_APART = 100.0  # times the jerk limit of one axis that of another; beyond it no one unit of time serves the solver
 _MAX_SLOWED = 5e-3  # a motion that exceeds its limits by more in time is none
 _LOOKED_AT = 12  # of a piece, at which its distance from the block is
 # What is aimed at, one try after the other, and what will do, of the tolerance: the measure of the whole path refines what
 # points tell.
 _AIMS, _MET = (0.9995, 0.998, 0.995, 0.985, 0.96), 0.9998
 _WORTH = 1e-4  # of the time: where less is gained the path is left on the blocks
+# A run that the measure of the whole path finds beyond its tolerance by less is found again, with so much less of it.
+_NEARLY, _LESS, _MIN_ROOM = 1.05, 0.998, 0.8
 _SHOWN = 4  # runs in a note
 _POINTS, _NEWTON_STEPS = 6, 3  # of a piece, at which its feed is looked at
 
@@ -53,12 +58,15 @@ class FoundRun:
         None where it is made separately.
     reason : str
         Why it is; empty where it was found jointly.
+    room : float
+        Share of the tolerance that it was found within.
     """
 
     first: int
     last: int
     part: JointPart | None
     reason: str = ""
+    room: float = 1.0
 
     @property
     def exact(self) -> bool:
@@ -85,8 +93,7 @@ def find_runs(
     allowed = np.minimum(blocks.tolerance[:-1], blocks.tolerance[1:])
     stop = blocks.stop | ((junctions.kind == Junction.STOP) & (allowed <= 0.0))
     cuts = np.concatenate([[0], np.flatnonzero(stop) + 1, [blocks.row.size]])
-    machine = _reason_of_machine(limits)
-    runs = [_found(blocks, junctions.kind, limits, int(first), int(last), machine) for first, last in pairwise(cuts)]
+    runs = [find_run(blocks, junctions, limits, int(first), int(last)) for first, last in pairwise(cuts)]
     return [_faster(run, junctions.kind, separate_time) for run in runs]
 
 
@@ -103,16 +110,22 @@ def _faster(run: FoundRun, kind: NDArray[np.int8], separate_time: Callable[[int,
     return replace(run, part=None, reason=reason)
 
 
-def _found(
-    blocks: MovingBlocks, kind: NDArray[np.int8], limits: Limits, first: int, last: int, machine: str
+def find_run(
+    blocks: MovingBlocks, junctions: Junctions, limits: Limits, first: int, last: int, room: float = 1.0
 ) -> FoundRun:
-    reason = machine or _reason_of_blocks(blocks, kind, first, last)
+    """Find path and feed of the run from one block to before another within a share of its tolerance, if it allows that."""
+    reason = _reason_of_blocks(blocks, junctions.kind, first, last)
+    if last > first + 1:  # a line by itself is taken as it is
+        reason = _reason_of_machine(limits) or reason
+    elif not np.isfinite(limits.jerk).all():
+        reason = _reason_of_machine(limits)
     if reason:
         return FoundRun(first, last, None, reason)
     try:
         run = _run_of(blocks, limits, first, last)
+        run = replace(run, tolerance=room * run.tolerance)
         motion = _within_limits(blocks, first, limits, run, _within_tolerance(run))
-        return FoundRun(first, last, pieces_of(run, motion))
+        return FoundRun(first, last, pieces_of(run, motion), room=room)
     except SolverError as error:
         return FoundRun(first, last, None, str(error))
 
@@ -134,17 +147,30 @@ def separate_notes(runs: list[FoundRun], line: IntArray) -> list[str]:
     return notes
 
 
-def left_out(runs: list[FoundRun], measure: Callable[[FoundRun], float]) -> list[FoundRun]:
-    """Leave out what is beyond its tolerance, of which ``measure`` tells the share; the same list where nothing is."""
+def left_out(
+    runs: list[FoundRun], measure: Callable[[FoundRun], float], again: Callable[[FoundRun, float], FoundRun]
+) -> list[FoundRun]:
+    """Find what is beyond its tolerance with less of it, or leave it out; the same list where nothing is.
+
+    Parameters
+    ----------
+    runs : list of FoundRun
+    measure : callable
+        Largest distance of a run from its blocks, against the tolerance.
+    again : callable
+        The run within another share of its tolerance.
+    """
     shares = [0.0 if run.part is None else measure(run) for run in runs]
     if max(shares, default=0.0) <= 1.0:
         return runs
-    return [
-        run
-        if share <= 1.0
-        else replace(run, part=None, reason=f"it would leave the tolerance by {share - 1.0:.2g} of it")
-        for run, share in zip(runs, shares, strict=True)
-    ]
+    return [run if share <= 1.0 else _narrowed(run, share, again) for run, share in zip(runs, shares, strict=True)]
+
+
+def _narrowed(run: FoundRun, share: float, again: Callable[[FoundRun, float], FoundRun]) -> FoundRun:
+    room = run.room * _LESS / share
+    if share <= _NEARLY and room >= _MIN_ROOM:
+        return again(run, room)
+    return replace(run, part=None, reason=f"it would leave the tolerance by {share - 1.0:.2g} of it")
 
 
 def _reason_of_machine(limits: Limits) -> str:
@@ -154,24 +180,40 @@ def _reason_of_machine(limits: Limits) -> str:
         return f"the jerk of {', '.join(free)} has no limit"
     if np.isfinite(limits.tangential_acceleration) or np.isfinite(limits.tangential_jerk):
         return "the acceleration or the jerk along the path has a limit of its own"
+    if _bend_for_chords(limits) < np.inf:
+        return "the chord error limits the acceleration to less than the axes do"
+    if limits.jerk.max() > _MAX_APART * limits.jerk.min():
+        return f"the jerk limits of its axes are more than {_MAX_APART:g} times apart"
     return ""
+
+
+def _bend_for_chords(limits: Limits) -> float:
+    """What an acceleration across the path must be below for the chord error, mm/s^2; inf where the axes keep it anyway."""
+    bend = 8.0 * limits.chord_error / limits.period**2
+    return bend if bend < float(np.sqrt(np.sum(limits.acceleration**2))) else np.inf
 
 
 def _reason_of_blocks(blocks: MovingBlocks, kind: NDArray[np.int8], first: int, last: int) -> str:
     """Why a run is not found jointly, if it is so."""
-    legs = blocks.programmed.legs
-    if legs.ways is not None and (legs.ways[first:last, 0] >= 0.0).any():
-        return "it has splines"
-    if blocks.apart[first : last - 1].any():
-        return "its feed is measured along other axes from some block on"
-    if (blocks.tolerance[first:last] <= 0.0).any() and last - first > 1:
-        return "it has no tolerance"
-    if last - first > _MAX_BLOCKS:
-        return f"it has {last - first} blocks, more than {_MAX_BLOCKS}"
+    legs, count = blocks.programmed.legs, last - first
+    tolerance = blocks.tolerance[first:last]
+    short = int(np.count_nonzero(np.diff(blocks.programmed.edges)[first:last] < _SHORT * tolerance))
     smooth = int(np.count_nonzero(kind[first : last - 1] <= Junction.TUBE))
-    if smooth > max(_MAX_SMOOTH, _SMOOTH_SHARE * (last - first)):
-        return f"{smooth} of its {last - first} blocks go on smoothly, more than {_MAX_SMOOTH}"
-    return ""
+    reasons = (
+        (legs.ways is not None and bool((legs.ways[first:last, 0] >= 0.0).any()), "it has splines"),
+        (
+            bool(blocks.apart[first : last - 1].any()),
+            "its feed is measured along other axes from some block on",
+        ),
+        (bool((tolerance <= 0.0).any()) and count > 1, "it has no tolerance"),
+        (count > _MAX_BLOCKS, f"it has {count} blocks, more than {_MAX_BLOCKS}"),
+        (short > _MAX_SHORT, f"{short} of its {count} blocks are shorter than {_SHORT:g} times their tolerance"),
+        (
+            smooth > max(_MAX_SMOOTH, _SMOOTH_SHARE * count),
+            f"{smooth} of its {count} blocks go on smoothly, more than {_MAX_SMOOTH}",
+        ),
+    )
+    return next((reason for holds, reason in reasons if holds), "")
 
 
 def _run_of(blocks: MovingBlocks, limits: Limits, first: int, last: int) -> JointRun:
@@ -188,7 +230,6 @@ def _run_of(blocks: MovingBlocks, limits: Limits, first: int, last: int) -> Join
         np.where(tolerance > 0.0, tolerance, 1e-3 * lengths),
         _caps(blocks, limits)[first:last] * _per_feed(blocks)[first:last],
         **rows,
-        bend=8.0 * limits.chord_error / limits.period**2,
     )
 
 

@@ -25,7 +25,7 @@ from planner.programs.path.absorb import Absorbed, absorb
 from planner.programs.path.corners import Junction, Junctions
 from planner.programs.path.deviation import Deviation
 from planner.programs.path.feeds import caps_of_blocks
-from planner.programs.path.joint_runs import FoundRun, find_runs, left_out, separate_notes
+from planner.programs.path.joint_runs import FoundRun, find_run, find_runs, left_out, separate_notes
 from planner.programs.path.measure import LinePlace, Written, largest_deviation
 from planner.programs.path.moves import MovingBlocks
 from planner.programs.path.separate_path import Built, built_separately, classified, places_of, widest_piece
@@ -147,11 +147,13 @@ def program_path(program: Program, tolerance: float | None, limits: Limits, *, p
     blocks = MovingBlocks.of(absorbed.program, None, given.used)
     written = absorbed.written(given.programmed)
     limits = limits.for_axes(blocks.axes, program.source)
-    runs = []
+    runs, junctions = [], classified(blocks, absorbed.room)
     if path == "joint":
-        runs = find_runs(
-            blocks, classified(blocks, absorbed.room), limits, partial(_separate_time, absorbed, blocks, limits)
-        )
+        runs = find_runs(blocks, junctions, limits, partial(_separate_time, absorbed, blocks, limits))
+
+    def again(run: FoundRun, room: float) -> FoundRun:
+        return find_run(blocks, junctions, limits, run.first, run.last, room)
+
     # The rooms of the corners were measured one by one, which serves nearly always; else the other tries do without.
     share, number = 1.0, 0
     while number <= MAX_TRIES:
@@ -162,7 +164,7 @@ def program_path(program: Program, tolerance: float | None, limits: Limits, *, p
         if largest <= 1.0:
             made = _report(program, (given, absorbed, blocks), built, found, largest)
             return replace(made, curve=replace(made.curve, made_within=PathTolerance(tolerance, path=path)))
-        kept = left_out(runs, partial(_measure_run, absorbed, built, written))
+        kept = left_out(runs, partial(_measure_run, absorbed, built, written), again)
         if kept is not runs:
             runs = kept
             continue
