@@ -148,7 +148,9 @@ class Job:
         except SolverError as error:
             if certificate is not None:
                 raise
-            notes = (*profile.notes, f"no lower bound: {error}")
+            said = str(error)
+            note = said if said.startswith("no lower bound") else f"no lower bound: {said}"
+            notes = (*profile.notes, note)
             return replace(profile, lower_bound=math.nan, claim=Claim.NONE, notes=notes)
         if certificate is not None:
             from planner.output.certificate_file import write_certificate

@@ -151,7 +151,7 @@ def plan(
             tools=tools,
             ignore=ignore,
             reader=reader,
-            path=path_for(curve, path, ends),
+            path=path_for(curve, path, ends | {"method": method.value}),
             share=share,
             notice=notice,
         )
