@@ -31,7 +31,7 @@ from planner.types import FloatArray, IntArray
 _MAX_BLOCKS = 20_000  # of a run: bounds the memory of its solver
 # Of a run most of whose blocks go on smoothly: the time of its solver, where there is little to gain.
 _MAX_SMOOTH, _SMOOTH_SHARE = 500, 0.8
-# Blocks shorter than so many tolerances are passed within the swing beside a vertex: of many of them the solver finds no end.
+# Blocks shorter than so many tolerances are passed within the swing beside a vertex; of many the solver finds no end.
 _SHORT, _MAX_SHORT = 5.0, 60
 _MAX_APART = 100.0  # times the jerk limit of one axis that of another; beyond it no one unit of time serves the solver
 _MAX_SLOWED = 5e-3  # a motion that exceeds its limits by more in time is none
