@@ -36,6 +36,7 @@ typedef struct {
     double *defect;       /* (n, states): where the stage ends, less the next state */
     double *cost, *slope; /* (n + 1): of the cost to go, Hessian and gradient */
     double *gain, *push;  /* (n): du = gain dx + push */
+    double *root;         /* (n): of g = c / scale^3, where that is a segment's */
     double *value;        /* rows: g <= 0, */
     double *slack, *dual; /* g + slack = 0, slack dual = mu */
     double *dslack;

@@ -17,7 +17,7 @@ enum { CONVERGED, RUNNING, SINGULAR };
 /* Numbers of work a stage. */
 static int64_t a_stage(int64_t d) {
     const int64_t nx = 3 * d + 1, rows = most_rows_of((int)d);
-    return 4 * nx + d + nx * nx + d * nx + d + 4 * rows + POINTS * d * (d + 1) + 1;
+    return 4 * nx + d + nx * nx + d * nx + d + 4 * rows + POINTS * d * (d + 1) + 2;
 }
 
 int64_t joint_work(const int64_t *sizes) { return (sizes[1] + 1) * a_stage(sizes[0]) + 3 * sizes[0]; }
@@ -39,6 +39,7 @@ static Iterate iterate_of(const Problem *problem, double *x, double *u, double *
     it.cost = taken(&work, n * nx * nx);
     it.gain = taken(&work, n * d * nx);
     it.push = taken(&work, n * d);
+    it.root = taken(&work, n);
     it.value = taken(&work, n * rows);
     it.slack = taken(&work, n * rows);
     it.dual = taken(&work, n * rows);

@@ -11,10 +11,12 @@
 #include "joint.h"
 #include "joint_inline.h"
 
+enum { VALUES, CHANGES, CONDENSE }; /* what is done with the rows */
+
 /* Gradient: scale times the vector (scale in the axis, if it is not -1), and by_c.  Hessian: hessian times curve (the identity, if
    NULL), mixed times the vector with c, and bend_c. */
 typedef struct {
-    int place, axis;
+    int axis;
     double scale, value, by_c;
     const double *vector;
     double hessian;
@@ -22,54 +24,67 @@ typedef struct {
     double mixed, bend_c;
 } Row;
 
-/* A place: c_order y_order + c_order+1 y_order+1 + .. c_most y_most of position, V, A and U. */
+/* A segment: its iterate and step, g and its root, 1 / c, and where its rows are. */
+typedef struct {
+    double scale, cube, g, root, per_c, dc;
+    const double *x, *u, *dx, *du;
+    const double *slack, *dual;
+    double mu;
+    double *value, *change, *hessian, *gradient;
+    int64_t count;
+} Segment;
+
+/* A place, from order on to most: the motion there is the sum of c[m] times position, V, A and U.  Its change; and sums over the
+   rows about it: gradient and Hessian over it, and with c. */
 typedef struct {
     int order, most;
-    double c[4];
+    double c[4], y[MOST_AXES], dy[MOST_AXES];
+    double hessian[MOST_AXES * MOST_AXES], gradient[MOST_AXES], mixed[MOST_AXES];
 } Place;
 
-/* What the rows of a segment are made from: its places and the motion there, g and its roots; and the rows. */
-typedef struct {
-    double scale, cube, g, root;
-    Place places[PLACES];
-    double y[PLACES][MOST_AXES];
-    int64_t count;
-    Row rows[MOST_ROWS];
-} Rows;
+INLINE void motion_at(int d, const Place *place, const double *x, const double *u, double *y) {
+    for (int k = 0; k < d; k++) {
+        double sum = 0.0;
+        for (int m = place->order; m <= place->most; m++) sum += place->c[m] * (m < JERK ? x[m * d + k] : u[k]);
+        y[k] = sum;
+    }
+}
 
-/* The derivative of an order at the share w of a phase after the node, and by times the next one. */
-INLINE Place place_of(int order, double w, double by) {
-    const double power[4] = {1.0, w, 0.5 * w * w, w * w * w / 6.0};
-    Place place = {.order = order, .most = JERK};
-    for (int m = order; m < 4; m++) place.c[m] = power[m - order] + (m > order ? by * power[m - order - 1] : 0.0);
+INLINE void open_place(int d, int task, const Segment *on, Place *place) {
+    motion_at(d, place, on->x, on->u, place->y);
+    if (task == CHANGES) motion_at(d, place, on->dx, on->du, place->dy);
+    if (task != CONDENSE) return;
+    for (int k = 0; k < d * d; k++) place->hessian[k] = 0.0;
+    for (int k = 0; k < d; k++) place->gradient[k] = place->mixed[k] = 0.0;
+}
+
+/* The derivative of an order at a node. */
+INLINE Place node_of(int d, int task, const Segment *on, int order) {
+    Place place;
+    place.order = place.most = order;
+    place.c[order] = 1.0;
+    open_place(d, task, on, &place);
     return place;
 }
 
-/* The places of a segment that has a share of the phase.  Those of the position are points of the path along a bent leg, whose tube
-   is not convex. */
-INLINE void list_places(double share, int bent, Place *places) {
-    const double width = share / PARTS;
-    for (int order = POSITION; order < 4; order++) {
-        Place *const node = places + (order == 0 ? 0 : order == 1 ? POINTS : PLACES - 4 + order);
-        *node = (Place){.order = order, .most = order};
-        node->c[order] = 1.0;
-    }
-    for (int part = 0; part < PARTS; part++) {
-        places[1 + 2 * part] = place_of(POSITION, part * width, width / 3.0);
-        places[2 + 2 * part] = place_of(POSITION, (part + 1) * width, -width / 3.0);
-        for (int q = 1; bent && q < 3; q++)
-            places[q + 2 * part] = place_of(POSITION, share * (q + 2 * part) / POINTS, 0.0);
-        places[POINTS + 1 + part] = place_of(VELOCITY, part * width, 0.5 * width);
-    }
+/* The derivative of an order at the share w of a phase after the node, and by times the next one. */
+INLINE Place place_of(int d, int task, const Segment *on, int order, double w, double by) {
+    const double power[4] = {1.0, w, 0.5 * w * w, w * w * w / 6.0};
+    Place place;
+    place.order = order;
+    place.most = JERK;
+    for (int m = order; m < 4; m++) place.c[m] = power[m - order] + (m > order ? by * power[m - order - 1] : 0.0);
+    open_place(d, task, on, &place);
+    return place;
 }
 
-/* A place of a motion, or of its change. */
-INLINE void at_place(int d, const Place *place, const double *restrict x, const double *restrict u, double *restrict y) {
-    for (int k = 0; k < d; k++) y[k] = 0.0;
-    for (int m = place->order; m <= place->most; m++) {
-        const double *const from = m < JERK ? x + m * d : u;
-        for (int k = 0; k < d; k++) y[k] += place->c[m] * from[k];
-    }
+/* The point q > 0 of the position on a segment.  Along a bent leg, whose tube is not convex, it is one of the path. */
+INLINE Place point_of(int d, int task, const Segment *on, double share, int bent, int q) {
+    const double width = share / PARTS;
+    const int part = (q - 1) / 2;
+    if (bent) return place_of(d, task, on, POSITION, share * q / POINTS, 0.0);
+    if (q % 2) return place_of(d, task, on, POSITION, part * width, width / 3.0);
+    return place_of(d, task, on, POSITION, (part + 1) * width, -width / 3.0);
 }
 
 INLINE double squared(int d, const double *a) {
@@ -78,189 +93,217 @@ INLINE double squared(int d, const double *a) {
     return sum;
 }
 
+INLINE void add_to_sums(int d, const Row *row, double weight, double push, double dual, Place *place) {
+    double *const h = place->hessian;
+    const double by = weight * row->scale, mixed = by * row->by_c + dual * row->mixed;
+    if (row->axis >= 0) {
+        const int k = row->axis;
+        h[k * d + k] += by * row->scale;
+        place->gradient[k] += push * row->scale;
+        place->mixed[k] += mixed;
+        return;
+    }
+    const double both = by * row->scale, bent = dual * row->hessian;
+    for (int k = 0; k < d; k++) {
+        const double g = row->vector[k];
+        place->gradient[k] += push * row->scale * g;
+        place->mixed[k] += mixed * g;
+        for (int m = k; m < d; m++)
+            h[k * d + m] += both * g * row->vector[m] + bent * (row->curve ? row->curve[k * d + m] : k == m);
+    }
+}
+
+/* The next row of a segment. */
+INLINE void take_row(int d, int task, Segment *on, Place *place, Row row) {
+    const int64_t r = on->count++;
+    if (task == VALUES) on->value[r] = row.value;
+    if (task == CHANGES) {
+        double sum = 0.0;
+        if (row.axis >= 0)
+            sum = place->dy[row.axis];
+        else
+            for (int k = 0; k < d; k++) sum += row.vector[k] * place->dy[k];
+        on->change[r] = row.scale * sum + row.by_c * on->dc;
+    }
+    if (task == CONDENSE) {
+        const double per_slack = 1.0 / on->slack[r], dual = on->dual[r], weight = dual * per_slack;
+        const double push = (on->mu + dual * (on->value[r] + on->slack[r])) * per_slack;
+        const int all = all_of(d), c = 3 * d;
+        add_to_sums(d, &row, weight, push, dual, place);
+        on->gradient[c] += push * row.by_c;
+        on->hessian[c * (all + 1)] += weight * row.by_c * row.by_c + dual * row.bend_c;
+    }
+}
+
+/* After the rows about a place: carry their sums over to state and control. */
+INLINE void close_place(int d, int task, Segment *on, Place *place) {
+    const int all = all_of(d), begin[4] = {0, d, 2 * d, 3 * d + 1}, c = 3 * d;
+    if (task != CONDENSE) return;
+    for (int k = 0; k < d; k++)
+        for (int l = 0; l < k; l++) place->hessian[k * d + l] = place->hessian[l * d + k];
+    for (int m = place->order; m <= place->most; m++) {
+        for (int n = m; n <= place->most; n++) {
+            const double both = place->c[m] * place->c[n];
+            for (int k = 0; k < d; k++)
+                for (int l = m == n ? k : 0; l < d; l++)
+                    on->hessian[(begin[m] + k) * all + begin[n] + l] += both * place->hessian[k * d + l];
+        }
+        for (int k = 0; k < d; k++) {
+            const int at = begin[m] + k;
+            on->gradient[at] += place->c[m] * place->gradient[k];
+            if (place->order > POSITION)
+                on->hessian[at < c ? at * all + c : c * all + at] += place->c[m] * place->mixed[k];
+        }
+    }
+}
+
 /* g to the power order / 3, and two derivatives by c. */
 typedef struct {
     double value, once, twice;
 } Power;
 
-INLINE Power power_of(const Rows *rows, int order) {
-    const double e = order / 3.0, value = order == 1 ? rows->root : order == 2 ? square(rows->root) : rows->g;
-    const double per_c = 1.0 / (rows->g * rows->cube);
-    return (Power){value, e * value * per_c, e * (e - 1.0) * value * per_c * per_c};
+INLINE Power power_of(const Segment *on, int order) {
+    const double e = order / 3.0, value = order == 1 ? on->root : order == 2 ? square(on->root) : on->g;
+    return (Power){value, e * value * on->per_c, e * (e - 1.0) * value * on->per_c * on->per_c};
 }
 
-INLINE void add_axes(int d, int place, const double *limits, Rows *rows) {
-    const int order = rows->places[place].order;
-    const double *const y = rows->y[place];
-    const Power power = power_of(rows, order);
-    const double unit = order == 1 ? rows->scale : order == 2 ? square(rows->scale) : rows->cube;
+INLINE void add_axes(int d, int task, Segment *on, Place *place, const double *limits) {
+    const int order = place->order;
+    const Power power = power_of(on, order);
+    const double unit = order == 1 ? on->scale : order == 2 ? square(on->scale) : on->cube, per_unit = 1.0 / unit;
     for (int k = 0; k < d; k++) {
         if (!(limits[k] > 0.0)) continue;
         for (int sign = 1; sign >= -1; sign -= 2) {
-            const double by = sign * limits[k] / unit;
-            rows->rows[rows->count++] = (Row){.place = place,
-                                              .axis = k,
-                                              .scale = by,
-                                              .value = by * y[k] - power.value,
-                                              .by_c = -power.once,
-                                              .bend_c = -power.twice};
+            const double by = sign * limits[k] * per_unit;
+            const Row row = {.axis = k,
+                             .scale = by,
+                             .value = by * place->y[k] - power.value,
+                             .by_c = -power.once,
+                             .bend_c = -power.twice};
+            take_row(d, task, on, place, row);
         }
     }
 }
 
-INLINE void add_feed(int d, int place, double pace, Rows *rows) {
+INLINE void add_feed(int d, int task, Segment *on, Place *place, double pace) {
     if (!(pace > 0.0)) return;
-    const double *const y = rows->y[place];
-    const Power power = power_of(rows, 2);
-    const double by = pace / square(rows->scale);
-    rows->rows[rows->count++] = (Row){.place = place,
-                                      .axis = -1,
-                                      .scale = 2.0 * by,
-                                      .value = by * squared(d, y) - power.value,
-                                      .by_c = -power.once,
-                                      .vector = y,
-                                      .hessian = 2.0 * by,
-                                      .bend_c = -power.twice};
+    const Power power = power_of(on, 2);
+    const double by = pace / square(on->scale);
+    const Row row = {.axis = -1,
+                     .scale = 2.0 * by,
+                     .value = by * squared(d, place->y) - power.value,
+                     .by_c = -power.once,
+                     .vector = place->y,
+                     .hessian = 2.0 * by,
+                     .bend_c = -power.twice};
+    take_row(d, task, on, place, row);
 }
 
-INLINE void add_bend(int d, int place, double bend, Rows *rows) {
+INLINE void add_bend(int d, int task, Segment *on, Place *place, double bend) {
     if (!(bend > 0.0)) return;
-    const double *const y = rows->y[place];
-    const Power power = power_of(rows, 1);
-    const double by = bend / (square(square(rows->scale)) * rows->g), per_c = 1.0 / (rows->g * rows->cube);
-    const double value = by * squared(d, y);
-    rows->rows[rows->count++] = (Row){.place = place,
-                                      .axis = -1,
-                                      .scale = 2.0 * by,
-                                      .value = value - power.value,
-                                      .by_c = -value * per_c - power.once,
-                                      .vector = y,
-                                      .hessian = 2.0 * by,
-                                      .mixed = -2.0 * by * per_c,
-                                      .bend_c = 2.0 * value * per_c * per_c - power.twice};
+    const Power power = power_of(on, 1);
+    const double by = bend / (square(square(on->scale)) * on->g), per_c = on->per_c;
+    const double value = by * squared(d, place->y);
+    const Row row = {.axis = -1,
+                     .scale = 2.0 * by,
+                     .value = value - power.value,
+                     .by_c = -value * per_c - power.once,
+                     .vector = place->y,
+                     .hessian = 2.0 * by,
+                     .mixed = -2.0 * by * per_c,
+                     .bend_c = 2.0 * value * per_c * per_c - power.twice};
+    take_row(d, task, on, place, row);
 }
 
 /* Whether the node before a stage is given, so that it has no rows: the first stage is a switch, the second its first segment. */
 INLINE int is_given(int64_t i) { return i < 2; }
 
-/* Rows of a segment; those about distances, which are the first, have no value yet. */
-INLINE void list_rows(const Problem *problem, int d, int64_t i, const Iterate *it, Rows *rows) {
-    const double *const x = it->x + i * states_of(d), *const u = it->u + i * d;
-    const double *const near = problem->near + 2 * i, *const pace = problem->pace + 2 * i;
-    rows->scale = problem->scale[i];
-    rows->cube = rows->scale * square(rows->scale);
-    rows->g = x[3 * d] / rows->cube;
-    rows->root = cbrt(rows->g);
-    rows->count = 0;
-    list_places(problem->share[i], problem->rates[2 * problem->leg[i]] != 0.0, rows->places);
-    for (int place = 0; place < PLACES; place++) at_place(d, &rows->places[place], x, u, rows->y[place]);
-    for (int q = is_given(i); q < POINTS; q++) {
-        const int64_t at = i * POINTS + q;
-        rows->rows[rows->count++] = (Row){.place = q,
-                                          .axis = -1,
-                                          .scale = 2.0 * near[q > 0],
-                                          .vector = it->off + at * d,
-                                          .hessian = 2.0 * near[q > 0],
-                                          .curve = it->curve + at * d * d};
+/* The row about the distance of the point q of a segment. */
+INLINE void add_distance(const Problem *problem, int d, int task, int64_t i, int q, const Iterate *it, Segment *on,
+                         Place *place) {
+    const int64_t at = i * POINTS + q, leg = problem->leg[i];
+    double *const off = it->off + at * d, *const curve = it->curve + at * d * d;
+    const double near = problem->near[2 * i + (q > 0)];
+    Row row = {.axis = -1, .scale = 2.0 * near, .vector = off, .hessian = 2.0 * near, .curve = curve};
+    if (task == VALUES) {
+        const int corner = q == 0 && problem->switches[i - 1] && problem->leg[i - 2] != leg;
+        row.value = near * (corner ? joint_vertex : joint_distance)(problem, leg, place->y, off, curve) - 1.0;
     }
-    for (int q = is_given(i); q <= PARTS; q++) {
-        add_feed(d, POINTS + q, pace[q > 0], rows);
-        add_axes(d, POINTS + q, problem->velocity, rows);
+    take_row(d, task, on, place, row);
+    close_place(d, task, on, place);
+}
+
+INLINE void go_through(const Problem *problem, int d, int task, int64_t i, const Iterate *it, Segment *on) {
+    const double share = problem->share[i], width = share / PARTS, *const pace = problem->pace + 2 * i;
+    const int bent = problem->rates[2 * problem->leg[i]] != 0.0;
+    Place place;
+    if (!is_given(i)) {
+        place = node_of(d, task, on, POSITION);
+        add_distance(problem, d, task, i, 0, it, on, &place);
+    }
+    for (int q = 1; q < POINTS; q++) {
+        place = point_of(d, task, on, share, bent, q);
+        add_distance(problem, d, task, i, q, it, on, &place);
     }
     if (!is_given(i)) {
-        add_axes(d, PLACES - 2, problem->acceleration, rows);
-        add_bend(d, PLACES - 2, problem->bend, rows);
+        place = node_of(d, task, on, VELOCITY);
+        add_feed(d, task, on, &place, pace[0]);
+        add_axes(d, task, on, &place, problem->velocity);
+        close_place(d, task, on, &place);
     }
-    add_axes(d, PLACES - 1, problem->jerk, rows);
+    for (int part = 0; part < PARTS; part++) {
+        place = place_of(d, task, on, VELOCITY, part * width, 0.5 * width);
+        add_feed(d, task, on, &place, pace[1]);
+        add_axes(d, task, on, &place, problem->velocity);
+        close_place(d, task, on, &place);
+    }
+    if (!is_given(i)) {
+        place = node_of(d, task, on, ACCELERATION);
+        add_axes(d, task, on, &place, problem->acceleration);
+        add_bend(d, task, on, &place, problem->bend);
+        close_place(d, task, on, &place);
+    }
+    place = node_of(d, task, on, JERK);
+    add_axes(d, task, on, &place, problem->jerk);
+    close_place(d, task, on, &place);
+}
+
+INLINE Segment segment_of(const Problem *problem, int d, int64_t i, const Iterate *it) {
+    const int64_t first = i * most_rows_of(d);
+    Segment on = {.x = it->x + i * states_of(d), .u = it->u + i * d, .scale = problem->scale[i], .root = it->root[i]};
+    on.dx = it->dx + i * states_of(d);
+    on.du = it->du + i * d;
+    on.dc = on.dx[3 * d];
+    on.value = it->value + first;
+    on.slack = it->slack + first;
+    on.dual = it->dual + first;
+    on.cube = on.scale * square(on.scale);
+    on.g = on.x[3 * d] / on.cube;
+    on.per_c = 1.0 / on.x[3 * d];
+    return on;
 }
 
 INLINE int64_t values(const Problem *problem, int d, int64_t i, const Iterate *it) {
-    double *const value = it->value + i * most_rows_of(d);
+    const double scale = problem->scale[i];
     if (problem->switches[i]) {
-        const double scale = problem->scale[i];
-        value[0] = (problem->least - it->u[i * d]) / (scale * scale * scale);
+        it->value[i * most_rows_of(d)] = (problem->least - it->u[i * d]) / (scale * scale * scale);
         return 1;
     }
-    Rows rows;
-    list_rows(problem, d, i, it, &rows);
-    const int64_t leg = problem->leg[i];
-    const int corner = i > 1 && problem->switches[i - 1] && problem->leg[i - 2] != leg;
-    for (int64_t r = 0; r < rows.count; r++) value[r] = rows.rows[r].value;
-    for (int q = is_given(i); q < POINTS; q++) {
-        const int64_t at = i * POINTS + q;
-        double *const off = it->off + at * d, *const curve = it->curve + at * d * d;
-        const double distance = (corner && q == 0 ? joint_vertex : joint_distance)(problem, leg, rows.y[q], off, curve);
-        value[q - is_given(i)] = problem->near[2 * i + (q > 0)] * distance - 1.0;
-    }
-    return rows.count;
+    it->root[i] = cbrt(it->x[i * states_of(d) + 3 * d]) / scale;
+    Segment on = segment_of(problem, d, i, it);
+    go_through(problem, d, VALUES, i, it, &on);
+    return on.count;
 }
 
 INLINE void changes(const Problem *problem, int d, int64_t i, const Iterate *it, double *change) {
-    const double *const dx = it->dx + i * states_of(d), *const du = it->du + i * d;
     if (problem->switches[i]) {
         const double scale = problem->scale[i];
-        change[0] = -du[0] / (scale * scale * scale);
+        change[0] = -it->du[i * d] / (scale * scale * scale);
         return;
     }
-    Rows rows;
-    list_rows(problem, d, i, it, &rows);
-    double dy[PLACES][MOST_AXES];
-    for (int place = 0; place < PLACES; place++) at_place(d, &rows.places[place], dx, du, dy[place]);
-    for (int64_t r = 0; r < rows.count; r++) {
-        const Row *const row = &rows.rows[r];
-        const double *const moved = dy[row->place];
-        double sum = 0.0;
-        if (row->axis >= 0)
-            sum = moved[row->axis];
-        else
-            for (int k = 0; k < d; k++) sum += row->vector[k] * moved[k];
-        change[r] = row->scale * sum + row->by_c * dx[3 * d];
-    }
-}
-
-/* Sums over the rows about one place: gradient and Hessian over it, and with c. */
-typedef struct {
-    double hessian[MOST_AXES * MOST_AXES], gradient[MOST_AXES], mixed[MOST_AXES];
-} Sums;
-
-INLINE void add_row(int d, const Row *row, double weight, double push, double dual, Sums *sums) {
-    double *restrict const h = sums->hessian;
-    const double mixed = weight * row->by_c * row->scale + dual * row->mixed;
-    if (row->axis >= 0) {
-        const int k = row->axis;
-        h[k * d + k] += weight * row->scale * row->scale;
-        sums->gradient[k] += push * row->scale;
-        sums->mixed[k] += mixed;
-        return;
-    }
-    const double both = weight * row->scale * row->scale, bent = dual * row->hessian;
-    for (int k = 0; k < d; k++) {
-        const double g = row->vector[k];
-        sums->gradient[k] += push * row->scale * g;
-        sums->mixed[k] += mixed * g;
-        for (int m = 0; m < d; m++) h[k * d + m] += both * g * row->vector[m];
-        if (row->curve)
-            for (int m = 0; m < d; m++) h[k * d + m] += bent * row->curve[k * d + m];
-        else
-            h[k * d + k] += bent;
-    }
-}
-
-/* Carry sums about a place over to state and control. */
-INLINE void carry(int d, const Place *place, const Sums *sums, double *restrict hessian, double *restrict gradient) {
-    const int all = all_of(d), begin[4] = {0, d, 2 * d, 3 * d + 1}, c = 3 * d;
-    for (int m = place->order; m <= place->most; m++) {
-        for (int n = m; n <= place->most; n++) {
-            const double both = place->c[m] * place->c[n];
-            for (int k = 0; k < d; k++)
-                for (int l = 0; l < d; l++) hessian[(begin[m] + k) * all + begin[n] + l] += both * sums->hessian[k * d + l];
-        }
-        for (int k = 0; k < d; k++) {
-            const int at = begin[m] + k;
-            gradient[at] += place->c[m] * sums->gradient[k];
-            if (place->order > POSITION) hessian[at < c ? at * all + c : c * all + at] += place->c[m] * sums->mixed[k];
-        }
-    }
+    Segment on = segment_of(problem, d, i, it);
+    on.change = change;
+    go_through(problem, d, CHANGES, i, it, &on);
 }
 
 INLINE void condense(const Problem *problem, int d, int64_t i, const Iterate *it, double mu, double *restrict hessian,
@@ -274,18 +317,11 @@ INLINE void condense(const Problem *problem, int d, int64_t i, const Iterate *it
         gradient[c + 1] += by * (mu + dual[0] * (value[0] + slack[0])) / slack[0];
         return;
     }
-    Rows rows;
-    Sums sums[PLACES];
-    list_rows(problem, d, i, it, &rows);
-    memset(sums, 0, sizeof sums);
-    for (int64_t r = 0; r < rows.count; r++) {
-        const Row *const row = &rows.rows[r];
-        const double weight = dual[r] / slack[r], push = (mu + dual[r] * (value[r] + slack[r])) / slack[r];
-        add_row(d, row, weight, push, dual[r], &sums[row->place]);
-        gradient[c] += push * row->by_c;
-        hessian[c * (all + 1)] += weight * row->by_c * row->by_c + dual[r] * row->bend_c;
-    }
-    for (int place = 0; place < PLACES; place++) carry(d, &rows.places[place], &sums[place], hessian, gradient);
+    Segment on = segment_of(problem, d, i, it);
+    on.mu = mu;
+    on.hessian = hessian;
+    on.gradient = gradient;
+    go_through(problem, d, CONDENSE, i, it, &on);
 }
 
 HOT int64_t joint_values(const Problem *problem, int64_t i, const Iterate *it) {
