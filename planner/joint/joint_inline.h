@@ -32,9 +32,11 @@ typedef struct {
 typedef struct {
     double *x, *u;        /* the iterate: states (n + 1) and controls (n) */
     double *dx, *du;      /* the step */
-    double *prices;       /* (n + 1, states): multipliers of the dynamics, from the step before */
+    double *prices;       /* (n + 1, states): multipliers of the dynamics, from the step before; behind switches only */
     double *defect;       /* (n, states): where the stage ends, less the next state */
-    double *cost, *slope; /* (n + 1): of the cost to go, Hessian and gradient */
+    double *hessian;      /* (n, all, all): of the rows, over state and control; the upper triangle over the state, the */
+    double *gradient;     /* (n, all)       lower one over the control, and its rows over the state */
+    double *cost, *slope; /* (n + 1): of the cost to go, Hessian and gradient; behind switches only */
     double *gain, *push;  /* (n): du = gain dx + push */
     double *root;         /* (n): of g = c / scale^3, where that is a segment's */
     double *value;        /* rows: g <= 0, */
@@ -101,12 +103,12 @@ int64_t joint_values(const Problem *problem, int64_t i, const Iterate *it);
 /* How much the rows of a stage change with the step, to first order. */
 void joint_changes(const Problem *problem, int64_t i, const Iterate *it, double *changes);
 
-/* Add the rows of a stage to the Hessian (all, all; the upper triangle) and the gradient (all) over state and control. */
-void joint_condense(const Problem *problem, int64_t i, const Iterate *it, double mu, double *hessian, double *gradient);
+/* The Hessian and the gradient of the rows of a stage. */
+void joint_condense(const Problem *problem, int64_t i, const Iterate *it, double mu);
 
 /* ---- joint_sweep.c -------------------------------------------------------------------------------------------------- */
 
-/* One Riccati sweep back; 0 where it is not positive definite. */
+/* One Riccati sweep back, from the rows as they are condensed; 0 where it is not positive definite. */
 int joint_back(const Problem *problem, const Iterate *it, const Aim *aim);
 
 /* The step, from the first state on. */

@@ -17,7 +17,8 @@ enum { CONVERGED, RUNNING, SINGULAR };
 /* Numbers of work a stage. */
 static int64_t a_stage(int64_t d) {
     const int64_t nx = 3 * d + 1, rows = most_rows_of((int)d);
-    return 4 * nx + d + nx * nx + d * nx + d + 4 * rows + POINTS * d * (d + 1) + 2;
+    const int64_t all = nx + d;
+    return 5 * nx + 3 * d + all * (all + 1) + nx * nx + d * nx + 4 * rows + POINTS * d * (d + 1) + 2;
 }
 
 int64_t joint_work(const int64_t *sizes) { return (sizes[1] + 1) * a_stage(sizes[0]) + 3 * sizes[0]; }
@@ -35,6 +36,8 @@ static Iterate iterate_of(const Problem *problem, double *x, double *u, double *
     it.du = taken(&work, n * d);
     it.prices = taken(&work, n * nx);
     it.defect = taken(&work, n * nx);
+    it.hessian = taken(&work, n * (nx + d) * (nx + d));
+    it.gradient = taken(&work, n * (nx + d));
     it.slope = taken(&work, n * nx);
     it.cost = taken(&work, n * nx * nx);
     it.gain = taken(&work, n * d * nx);
@@ -70,8 +73,8 @@ static void set_out(const Problem *problem, const Iterate *it, double start) {
     }
 }
 
-static Standing stand(const Problem *problem, const Iterate *it) {
-    const int d = (int)problem->d, nx = states_of(d), rows = most_rows_of(d);
+INLINE Standing standing(const Problem *problem, int d, const Iterate *it) {
+    const int nx = states_of(d), rows = most_rows_of(d);
     Standing now = {0.0, 0.0, 0.0, 0.0, 0.0, 0};
     for (int64_t i = 0; i < problem->n; i++) {
         double *const defect = it->defect + i * nx;
@@ -90,6 +93,14 @@ static Standing stand(const Problem *problem, const Iterate *it) {
     for (int k = 0; k < 3 * d; k++)
         now.end = larger(now.end, fabs(it->x[problem->n * nx + k] - problem->target[k]));
     return now;
+}
+
+HOT static Standing stand(const Problem *problem, const Iterate *it) {
+    switch (problem->d) {
+    case 2: return standing(problem, 2, it);
+    case 3: return standing(problem, 3, it);
+    default: return standing(problem, (int)problem->d, it);
+    }
 }
 
 /* A step: its lengths, how the cubes of durations change at most, and how the time does. */
@@ -139,11 +150,11 @@ static double defect_after(const Problem *problem, const Iterate *it, double len
     return most;
 }
 
-static void advance(const Problem *problem, const Iterate *it, const Aim *aim, const Stride *step) {
-    const int d = (int)problem->d, nx = states_of(d), rows = most_rows_of(d);
+INLINE void move(const Problem *problem, int d, const Iterate *it, const Aim *aim, const Stride *step) {
+    const int nx = states_of(d), rows = most_rows_of(d);
     const double dual = smaller(step->primal, step->dual);
-    for (int64_t i = 0; i <= problem->n; i++)
-        for (int k = 0; k < nx; k++) {
+    for (int64_t i = 1; i <= problem->n; i++)
+        for (int k = 0; problem->switches[i - 1] && k < nx; k++) {
             const double *const row = it->cost + (i * nx + k) * nx, *const dx = it->dx + i * nx;
             double sum = it->slope[i * nx + k];
             for (int m = 0; m < nx; m++) sum += row[m] * dx[m];
@@ -163,9 +174,18 @@ static void advance(const Problem *problem, const Iterate *it, const Aim *aim, c
         it->price[k] += aim->weight * (it->x[problem->n * nx + k] - problem->target[k]);
 }
 
+HOT static void advance(const Problem *problem, const Iterate *it, const Aim *aim, const Stride *step) {
+    switch (problem->d) {
+    case 2: move(problem, 2, it, aim, step); break;
+    case 3: move(problem, 3, it, aim, step); break;
+    default: move(problem, (int)problem->d, it, aim, step);
+    }
+}
+
 /* The step.  Where the system is not positive definite, or durations change much, they are held faster and all is tried again: with
    all of them held the problem is convex. */
 static int find_step(const Problem *problem, const Iterate *it, Aim *aim, Stride *step) {
+    for (int64_t i = 0; i < problem->n; i++) joint_condense(problem, i, it, aim->mu);
     for (int k = 0; k < MOST_SWEEPS; k++) {
         if (!joint_back(problem, it, aim)) {
             aim->hold = larger((k < 3 ? 4.0 : 10.0) * aim->hold, LEAST_HOLD);
@@ -234,6 +254,7 @@ int64_t joint_newton(const int64_t *sizes, const uint8_t *switches, const double
     stand(&problem, &it);
     memcpy(it.prices, prices, sizeof(double) * (size_t)((n + 1) * nx));
     memcpy(it.price, price, sizeof(double) * (size_t)(3 * d));
+    for (int64_t i = 0; i < n; i++) joint_condense(&problem, i, &it, wanted.mu);
     if (!joint_back(&problem, &it, &wanted)) return 0;
     joint_forth(&problem, &it);
     memcpy(dx, it.dx, sizeof(double) * (size_t)((n + 1) * nx));

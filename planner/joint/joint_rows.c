@@ -145,14 +145,15 @@ INLINE void close_place(int d, int task, Segment *on, Place *place) {
         for (int n = m; n <= place->most; n++) {
             const double both = place->c[m] * place->c[n];
             for (int k = 0; k < d; k++)
-                for (int l = m == n ? k : 0; l < d; l++)
-                    on->hessian[(begin[m] + k) * all + begin[n] + l] += both * place->hessian[k * d + l];
+                for (int l = m == n ? k : 0; l < d; l++) {
+                    const int a = begin[m] + k, b = begin[n] + l;
+                    on->hessian[n < JERK ? a * all + b : b * all + a] += both * place->hessian[k * d + l];
+                }
         }
         for (int k = 0; k < d; k++) {
             const int at = begin[m] + k;
             on->gradient[at] += place->c[m] * place->gradient[k];
-            if (place->order > POSITION)
-                on->hessian[at < c ? at * all + c : c * all + at] += place->c[m] * place->mixed[k];
+            if (place->order > POSITION) on->hessian[at * all + c] += place->c[m] * place->mixed[k];
         }
     }
 }
@@ -306,15 +307,17 @@ INLINE void changes(const Problem *problem, int d, int64_t i, const Iterate *it,
     go_through(problem, d, CHANGES, i, it, &on);
 }
 
-INLINE void condense(const Problem *problem, int d, int64_t i, const Iterate *it, double mu, double *restrict hessian,
-                     double *restrict gradient) {
+INLINE void condense(const Problem *problem, int d, int64_t i, const Iterate *it, double mu) {
     const int64_t first = i * most_rows_of(d);
-    const double *const slack = it->slack + first, *const dual = it->dual + first, *const value = it->value + first;
     const int all = all_of(d), c = 3 * d;
+    double *const hessian = it->hessian + i * all * all, *const gradient = it->gradient + i * all;
+    memset(hessian, 0, sizeof(double) * (size_t)(all * all));
+    memset(gradient, 0, sizeof(double) * (size_t)all);
     if (problem->switches[i]) {
-        const double by = -1.0 / (problem->scale[i] * square(problem->scale[i]));
-        hessian[(c + 1) * (all + 1)] += dual[0] / slack[0] * by * by;
-        gradient[c + 1] += by * (mu + dual[0] * (value[0] + slack[0])) / slack[0];
+        const double slack = it->slack[first], dual = it->dual[first], scale = problem->scale[i];
+        const double by = -1.0 / (scale * square(scale));
+        hessian[(c + 1) * (all + 1)] = dual / slack * by * by;
+        gradient[c + 1] = by * (mu + dual * (it->value[first] + slack)) / slack;
         return;
     }
     Segment on = segment_of(problem, d, i, it);
@@ -340,11 +343,11 @@ HOT void joint_changes(const Problem *problem, int64_t i, const Iterate *it, dou
     }
 }
 
-HOT void joint_condense(const Problem *problem, int64_t i, const Iterate *it, double mu, double *hessian, double *gradient) {
+HOT void joint_condense(const Problem *problem, int64_t i, const Iterate *it, double mu) {
     switch (problem->d) {
-    case 2: condense(problem, 2, i, it, mu, hessian, gradient); break;
-    case 3: condense(problem, 3, i, it, mu, hessian, gradient); break;
-    default: condense(problem, (int)problem->d, i, it, mu, hessian, gradient);
+    case 2: condense(problem, 2, i, it, mu); break;
+    case 3: condense(problem, 3, i, it, mu); break;
+    default: condense(problem, (int)problem->d, i, it, mu);
     }
 }
 

@@ -10,10 +10,15 @@ static const double LEAST_PIVOT = 1e-13; /* of the diagonal */
 
 static const double FIRMNESS = 0.3;       /* least curvature over a duration, of that by which it is held */
 
-/* A stage: Hessian (its upper triangle, and all of the controls) and gradient over state and controls. */
+/* A stage: Hessian (of it what joint_inline.h says) and gradient over state and controls, with the cost to go. */
 typedef struct {
     double hessian[MOST_ALL * MOST_ALL], gradient[MOST_ALL];
 } Stage;
+
+/* The cost to go, Hessian and gradient. */
+typedef struct {
+    double cost[MOST_STATES * MOST_STATES], slope[MOST_STATES];
+} Ahead;
 
 /* Rows (rows, states) times the Jacobian of a segment, into out (rows, all). */
 INLINE void times_segment(int d, int rows, double w, const double *restrict from, double *restrict out) {
@@ -30,6 +35,22 @@ INLINE void times_segment(int d, int rows, double w, const double *restrict from
         }
         to[3 * d] = p[3 * d];
     }
+}
+
+/* The transpose of the Jacobian of a segment times a matrix (states, all), added to the Hessian. */
+INLINE void add_segment(int d, double w, const double *restrict from, double *restrict hessian) {
+    const int nx = states_of(d), all = all_of(d);
+    const double half = 0.5 * w * w, sixth = w * w * w / 6.0;
+    for (int k = 0; k < d; k++) {
+        const double *const p = from + k * all, *const v = p + d * all, *const a = v + d * all;
+        double *const to_p = hessian + k * all, *const to_v = to_p + d * all, *const to_a = to_v + d * all;
+        double *const to_u = hessian + (nx + k) * all;
+        for (int c = 0; c < nx; c++) to_p[c] += p[c];
+        for (int c = d; c < nx; c++) to_v[c] += w * p[c] + v[c];
+        for (int c = 2 * d; c < nx; c++) to_a[c] += half * p[c] + w * v[c] + a[c];
+        for (int c = 0; c < all; c++) to_u[c] += sixth * p[c] + half * v[c] + w * a[c];
+    }
+    hessian[3 * d * (all + 1)] += from[3 * d * (all + 1)];
 }
 
 /* A switch: r, and how V and A after it change with c before, n after. */
@@ -75,14 +96,14 @@ INLINE void add_bend(int d, const double *x, const double *u, double r, const do
     for (int k = 0; k < d; k++) {
         const double pv = prices[d + k] * r, pa = prices[2 * d + k] * r * r;
         hessian[(d + k) * all + c] -= pv / (3.0 * x[c]);
-        hessian[(d + k) * all + n] += pv / (3.0 * u[0]);
+        hessian[n * all + d + k] += pv / (3.0 * u[0]);
         hessian[(2 * d + k) * all + c] -= 2.0 * pa / (3.0 * x[c]);
-        hessian[(2 * d + k) * all + n] += 2.0 * pa / (3.0 * u[0]);
+        hessian[n * all + 2 * d + k] += 2.0 * pa / (3.0 * u[0]);
         v += pv * x[d + k];
         a += pa * x[2 * d + k];
     }
     hessian[c * all + c] += (4.0 * v + 10.0 * a) / (9.0 * x[c] * x[c]);
-    hessian[c * all + n] -= (v + 4.0 * a) / (9.0 * x[c] * u[0]);
+    hessian[n * all + c] -= (v + 4.0 * a) / (9.0 * x[c] * u[0]);
     hessian[n * all + n] -= 2.0 * (v + a) / (9.0 * u[0] * u[0]);
 }
 
@@ -95,41 +116,36 @@ INLINE void add_time(int d, double n, double hold, Stage *stage) {
 }
 
 /* The Newton system of a stage, given the cost to go after it. */
-INLINE void assemble(const Problem *problem, int d, int64_t i, const Iterate *it, const Aim *aim, Stage *stage) {
-    const int nx = states_of(d), all = all_of(d), switches = problem->switches[i], used = nx + (switches ? 1 : d);
-    const double *const x = it->x + i * nx, *const u = it->u + i * d;
-    const double *const after = it->cost + (i + 1) * nx * nx, *const defect = it->defect + i * nx;
-    double right[MOST_STATES * MOST_ALL], turned[MOST_ALL * MOST_STATES], both[MOST_ALL * MOST_ALL];
-    double pulled[MOST_STATES], gradient[MOST_ALL];
-    memset(stage->hessian, 0, sizeof(double) * (size_t)(all * all));
-    memset(stage->gradient, 0, sizeof(double) * (size_t)all);
-    joint_condense(problem, i, it, aim->mu, stage->hessian, stage->gradient);
+INLINE void assemble(const Problem *problem, int d, int switches, int64_t i, const Iterate *it, const Aim *aim,
+                     const Ahead *ahead, Stage *stage) {
+    const int nx = states_of(d), all = all_of(d), used = nx + (switches ? 1 : d);
+    const double *const x = it->x + i * nx, *const u = it->u + i * d, *const defect = it->defect + i * nx;
+    double right[MOST_STATES * MOST_ALL], pulled[MOST_STATES], gradient[MOST_ALL];
+    memcpy(stage->hessian, it->hessian + i * all * all, sizeof(double) * (size_t)(all * all));
     for (int r = 0; r < nx; r++) {
-        pulled[r] = it->slope[(i + 1) * nx + r];
-        for (int k = 0; k < nx; k++) pulled[r] += after[r * nx + k] * defect[k];
+        double sum = ahead->slope[r];
+        for (int k = 0; k < nx; k++) sum += ahead->cost[r * nx + k] * defect[k];
+        pulled[r] = sum;
     }
-    const Switch by = switches ? switch_of(d, x, u) : (Switch){0};
     if (switches) {
-        add_time(d, u[0], aim->hold, stage);
+        double turned[MOST_ALL * MOST_STATES], both[MOST_ALL * MOST_ALL];
+        const Switch by = switch_of(d, x, u);
         add_bend(d, x, u, by.r, it->prices + (i + 1) * nx, stage->hessian);
-        times_switch(d, nx, &by, after, right);
+        times_switch(d, nx, &by, ahead->cost, right);
         times_switch(d, 1, &by, pulled, gradient);
-    } else {
-        times_segment(d, nx, problem->share[i], after, right);
-        times_segment(d, 1, problem->share[i], pulled, gradient);
-    }
-    for (int c = 0; c < used; c++)
-        for (int r = 0; r < nx; r++) turned[c * nx + r] = right[r * all + c];
-    if (switches)
+        for (int c = 0; c < used; c++)
+            for (int r = 0; r < nx; r++) turned[c * nx + r] = right[r * all + c];
         times_switch(d, used, &by, turned, both);
-    else
-        times_segment(d, used, problem->share[i], turned, both);
-    for (int r = 0; r < used; r++) {
-        for (int c = r; c < used; c++) stage->hessian[r * all + c] += both[r * all + c];
-        stage->gradient[r] += gradient[r];
+        for (int r = 0; r < nx; r++)
+            for (int c = r; c < nx; c++) stage->hessian[r * all + c] += both[r * all + c];
+        for (int c = 0; c < used; c++) stage->hessian[nx * all + c] += both[nx * all + c];
+    } else {
+        times_segment(d, nx, problem->share[i], ahead->cost, right);
+        times_segment(d, 1, problem->share[i], pulled, gradient);
+        add_segment(d, problem->share[i], right, stage->hessian);
     }
-    for (int r = nx; r < used; r++)
-        for (int c = nx; c < r; c++) stage->hessian[r * all + c] = stage->hessian[c * all + r];
+    for (int r = 0; r < used; r++) stage->gradient[r] = it->gradient[i * all + r] + gradient[r];
+    if (switches) add_time(d, u[0], aim->hold, stage);
 }
 
 /* Cholesky factor of the Hessian over the controls, in place of its lower triangle; 0 where it has none. */
@@ -151,78 +167,97 @@ INLINE int factor(int n, int stride, double *restrict a) {
 /* gain = -H_uu^-1 H_ux and push = -H_uu^-1 g_u, H_uu given by its factor. */
 INLINE void solve_controls(int d, int controls, const Stage *stage, double *restrict gain, double *restrict push) {
     const int nx = states_of(d), all = all_of(d);
-    const double *const factored = stage->hessian + nx * (all + 1);
-    for (int c = 0; c <= nx; c++) {
-        double y[MOST_AXES];
-        for (int a = 0; a < controls; a++) {
-            double sum = -(c < nx ? stage->hessian[c * all + nx + a] : stage->gradient[nx + a]);
-            for (int b = 0; b < a; b++) sum -= factored[a * all + b] * y[b];
-            y[a] = sum / factored[a * (all + 1)];
+    const double *const coupled = stage->hessian + nx * all, *const factored = coupled + nx;
+    for (int a = 0; a < controls; a++) {
+        const double per = 1.0 / factored[a * (all + 1)];
+        double *const row = gain + a * nx;
+        for (int c = 0; c < nx; c++) row[c] = -coupled[a * all + c];
+        push[a] = -stage->gradient[nx + a];
+        for (int b = 0; b < a; b++) {
+            for (int c = 0; c < nx; c++) row[c] -= factored[a * all + b] * gain[b * nx + c];
+            push[a] -= factored[a * all + b] * push[b];
         }
-        for (int a = controls - 1; a >= 0; a--) {
-            for (int b = a + 1; b < controls; b++) y[a] -= factored[b * all + a] * y[b];
-            y[a] /= factored[a * (all + 1)];
+        for (int c = 0; c < nx; c++) row[c] *= per;
+        push[a] *= per;
+    }
+    for (int a = controls - 1; a >= 0; a--) {
+        const double per = 1.0 / factored[a * (all + 1)];
+        double *const row = gain + a * nx;
+        for (int b = a + 1; b < controls; b++) {
+            for (int c = 0; c < nx; c++) row[c] -= factored[b * all + a] * gain[b * nx + c];
+            push[a] -= factored[b * all + a] * push[b];
         }
-        for (int a = 0; a < controls; a++) *(c < nx ? gain + a * nx + c : push + a) = y[a];
+        for (int c = 0; c < nx; c++) row[c] *= per;
+        push[a] *= per;
     }
 }
 
 /* The cost to go from this stage on, given gain and push. */
 INLINE void cost_of(int d, int controls, const Stage *stage, const double *restrict gain, const double *restrict push,
-                    double *restrict cost, double *restrict slope) {
+                    Ahead *ahead) {
     const int nx = states_of(d), all = all_of(d);
+    double *const cost = ahead->cost;
     for (int a = 0; a < nx; a++) {
-        const double *const row = stage->hessian + a * all;
         double sum = stage->gradient[a];
-        for (int k = 0; k < controls; k++) sum += row[nx + k] * push[k];
-        slope[a] = sum;
-        for (int b = a; b < nx; b++) cost[a * nx + b] = row[b];
-        for (int k = 0; k < controls; k++)
-            for (int b = a; b < nx; b++) cost[a * nx + b] += row[nx + k] * gain[k * nx + b];
-        for (int b = a + 1; b < nx; b++) cost[b * nx + a] = cost[a * nx + b];
+        for (int b = a; b < nx; b++) cost[a * nx + b] = stage->hessian[a * all + b];
+        for (int k = 0; k < controls; k++) {
+            const double coupled = stage->hessian[(nx + k) * all + a];
+            sum += coupled * push[k];
+            for (int b = a; b < nx; b++) cost[a * nx + b] += coupled * gain[k * nx + b];
+        }
+        ahead->slope[a] = sum;
     }
+    for (int a = 1; a < nx; a++)
+        for (int b = 0; b < a; b++) cost[a * nx + b] = cost[b * nx + a];
 }
 
 /* Go back over a stage; 0 where its Hessian over the controls is not positive definite. */
-INLINE int step_back(const Problem *problem, int d, int64_t i, const Iterate *it, const Aim *aim) {
-    const int nx = states_of(d), all = all_of(d), controls = problem->switches[i] ? 1 : d;
+INLINE int step_back(const Problem *problem, int d, int switches, int64_t i, const Iterate *it, const Aim *aim,
+                     Ahead *ahead) {
+    const int nx = states_of(d), all = all_of(d), controls = switches ? 1 : d;
     Stage stage;
-    assemble(problem, d, i, it, aim, &stage);
-    if (problem->switches[i]) {
+    assemble(problem, d, switches, i, it, aim, ahead, &stage);
+    if (switches) {
         const double held = aim->hold / (9.0 * square(it->u[i * d]));
         if (!(stage.hessian[nx * (all + 1)] > FIRMNESS * held)) return 0;
     }
     if (!factor(controls, all, stage.hessian + nx * (all + 1))) return 0;
     double *const gain = it->gain + i * d * nx, *const push = it->push + i * d;
     solve_controls(d, controls, &stage, gain, push);
-    cost_of(d, controls, &stage, gain, push, it->cost + i * nx * nx, it->slope + i * nx);
+    cost_of(d, controls, &stage, gain, push, ahead);
     return 1;
 }
 
-HOT static int stage_back(const Problem *problem, int64_t i, const Iterate *it, const Aim *aim) {
+INLINE int back(const Problem *problem, int d, const Iterate *it, const Aim *aim) {
+    const int64_t nx = states_of(d), n = problem->n;
+    Ahead ahead;
+    memset(ahead.cost, 0, sizeof(double) * (size_t)(nx * nx));
+    ahead.slope[3 * d] = 0.0;
+    for (int k = 0; k < 3 * d; k++) {
+        ahead.cost[k * (nx + 1)] = aim->weight;
+        ahead.slope[k] = it->price[k] + aim->weight * (it->x[n * nx + k] - problem->target[k]);
+    }
+    for (int64_t i = n - 1; i >= 0; i--) {
+        if (problem->switches[i]) {
+            memcpy(it->cost + (i + 1) * nx * nx, ahead.cost, sizeof(double) * (size_t)(nx * nx));
+            memcpy(it->slope + (i + 1) * nx, ahead.slope, sizeof(double) * (size_t)nx);
+            if (!step_back(problem, d, 1, i, it, aim, &ahead)) return 0;
+        } else if (!step_back(problem, d, 0, i, it, aim, &ahead))
+            return 0;
+    }
+    return 1;
+}
+
+HOT int joint_back(const Problem *problem, const Iterate *it, const Aim *aim) {
     switch (problem->d) {
-    case 2: return step_back(problem, 2, i, it, aim);
-    case 3: return step_back(problem, 3, i, it, aim);
-    default: return step_back(problem, (int)problem->d, i, it, aim);
+    case 2: return back(problem, 2, it, aim);
+    case 3: return back(problem, 3, it, aim);
+    default: return back(problem, (int)problem->d, it, aim);
     }
 }
 
-int joint_back(const Problem *problem, const Iterate *it, const Aim *aim) {
-    const int64_t d = problem->d, nx = 3 * d + 1, n = problem->n;
-    double *const cost = it->cost + n * nx * nx, *const slope = it->slope + n * nx;
-    memset(cost, 0, sizeof(double) * (size_t)(nx * nx));
-    slope[3 * d] = 0.0;
-    for (int64_t k = 0; k < 3 * d; k++) {
-        cost[k * (nx + 1)] = aim->weight;
-        slope[k] = it->price[k] + aim->weight * (it->x[n * nx + k] - problem->target[k]);
-    }
-    for (int64_t i = n - 1; i >= 0; i--)
-        if (!stage_back(problem, i, it, aim)) return 0;
-    return 1;
-}
-
-void joint_forth(const Problem *problem, const Iterate *it) {
-    const int d = (int)problem->d, nx = states_of(d);
+INLINE void forth(const Problem *problem, int d, const Iterate *it) {
+    const int nx = states_of(d);
     memset(it->dx, 0, sizeof(double) * (size_t)nx);
     for (int64_t i = 0; i < problem->n; i++) {
         const int switches = problem->switches[i];
@@ -242,5 +277,13 @@ void joint_forth(const Problem *problem, const Iterate *it) {
         } else
             joint_arrive(d, 0, problem->share[i], dx, du, next);
         for (int k = 0; k < nx; k++) next[k] += it->defect[i * nx + k];
+    }
+}
+
+HOT void joint_forth(const Problem *problem, const Iterate *it) {
+    switch (problem->d) {
+    case 2: forth(problem, 2, it); break;
+    case 3: forth(problem, 3, it); break;
+    default: forth(problem, (int)problem->d, it);
     }
 }
