@@ -57,6 +57,7 @@ _OPEN = 30.0  # largest defect on the way, of the tolerance
 _MAX_PASSES = 10
 _BETWEEN = 16  # parts of a segment at which it is measured
 _MARGIN = 1e-5  # of the tolerance: closing the last defects moves by less
+_BULGE = 3e-3  # of the tolerance, by which a motion may be further off an arc between the points that have rows
 _AIM = 0.998  # at what was beyond the tolerance or the feed; the more so from pass to pass
 _MAX_SPEED = 1e-7  # relative excess of the feed
 _SETTLED = 20.0  # in units of time, the shortest part of the motion that is corrected by itself
@@ -119,7 +120,8 @@ class _Scaled:
         self.axes[0, run.velocity >= run.feed.max()] = 0.0
         self.scalars = np.array([(speed / self.time / run.bend) ** 2, _SHORTEST**3])
         after = np.flatnonzero(np.diff(mesh.leg)) + 2  # the segments that begin at vertices
-        reach = run.tolerance[mesh.leg] * (1.0 - _MARGIN)
+        self.bent = run.legs.curved[mesh.leg]
+        reach = run.tolerance[mesh.leg] * np.where(self.bent, 1.0 - _BULGE, 1.0 - _MARGIN)
         self.reach, self.pace = (np.column_stack([limit, limit]) for limit in (reach, run.feed[mesh.leg]))
         for limit in (self.reach, self.pace):
             limit[after, 0] = np.minimum(limit[after, 0], limit[after - 2, 0])
@@ -162,6 +164,9 @@ class _Scaled:
             if not over.any():
                 self.x[states], self.u[stages] = x, u
                 return count
+            # About all arcs alike: the next motion, another one, may be furthest off elsewhere.
+            bent = self.bent[stages]
+            over[bent, 0], excess[bent, 0] = over[bent, 0].any(), excess[bent, 0].max(initial=0.0)
             for limit, beyond, where in zip((self.reach, self.pace), excess.T, over.T, strict=True):
                 limit[stages][where] *= (_AIM ** (1 + once) / beyond[where])[:, None]
         raise SolverError(
