@@ -290,7 +290,9 @@ INLINE int64_t values(const Problem *problem, int d, int64_t i, const Iterate *i
         it->value[i * most_rows_of(d)] = (problem->least - it->u[i * d]) / (scale * scale * scale);
         return 1;
     }
-    it->root[i] = cbrt(it->x[i * states_of(d) + 3 * d]) / scale;
+    const double *const c = it->x + i * states_of(d) + 3 * d;
+    const int same = i > 1 && !problem->switches[i - 1] && *c == c[-states_of(d)] && scale == problem->scale[i - 1];
+    it->root[i] = same ? it->root[i - 1] : cbrt(*c) / scale;
     Segment on = segment_of(problem, d, i, it);
     go_through(problem, d, VALUES, i, it, &on);
     return on.count;

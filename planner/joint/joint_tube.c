@@ -10,7 +10,7 @@
 #include "joint_inline.h"
 
 /* Distance from the point foot. */
-static double from_point(int d, const double *p, const double *foot, double *off, double *curve) {
+INLINE double from_point(int d, const double *p, const double *foot, double *off, double *curve) {
     double sum = 0.0;
     for (int k = 0; k < d; k++) {
         off[k] = p[k] - foot[k];
@@ -20,15 +20,7 @@ static double from_point(int d, const double *p, const double *foot, double *off
     return sum;
 }
 
-double joint_vertex(const Problem *problem, int64_t leg, const double *p, double *off, double *curve) {
-    const int d = (int)problem->d;
-    const double *const origin = problem->vectors + leg * 4 * d;
-    double vertex[MOST_AXES];
-    for (int k = 0; k < d; k++) vertex[k] = origin[k] + origin[d + k];
-    return from_point(d, p, vertex, off, curve);
-}
-
-static double from_line(int d, const double *origin, const double *along, double length, const double *p, double *off,
+INLINE double from_line(int d, const double *origin, const double *along, double length, const double *p, double *off,
                         double *curve) {
     double at = 0.0, foot[MOST_AXES];
     for (int k = 0; k < d; k++) at += (p[k] - origin[k]) * along[k];
@@ -48,7 +40,7 @@ typedef struct {
     double w, k, length;
 } Bend;
 
-static void point_of(int d, const Bend *leg, double x, double *foot) {
+INLINE void point_of(int d, const Bend *leg, double x, double *foot) {
     const double grown = 1.0 + leg->k * x, cosine = grown * cos(leg->w * x), sine = grown * sin(leg->w * x);
     for (int k = 0; k < d; k++) foot[k] = leg->origin[k] + cosine * leg->e1[k] + sine * leg->e2[k] + leg->g[k] * x;
 }
@@ -60,7 +52,7 @@ static double turn_of(const Bend *leg, double phi, double height, double rise) {
     return x + turn * floor((wanted - x) / turn + 0.5);
 }
 
-static double from_bend(int d, const Bend *leg, const double *p, double *off, double *curve) {
+INLINE double from_bend(int d, const Bend *leg, const double *p, double *off, double *curve) {
     double radius = 0.0, rise = 0.0, a = 0.0, b = 0.0, height = 0.0, foot[MOST_AXES];
     for (int k = 0; k < d; k++) {
         const double q = p[k] - leg->origin[k];
@@ -102,11 +94,26 @@ static double from_bend(int d, const Bend *leg, const double *p, double *off, do
     return sum;
 }
 
-double joint_distance(const Problem *problem, int64_t leg, const double *p, double *off, double *curve) {
-    const int d = (int)problem->d;
+INLINE double distance(const Problem *problem, int d, int64_t leg, const double *p, double *off, double *curve) {
     const double *const origin = problem->vectors + leg * 4 * d, length = problem->lengths[leg];
     const double w = problem->rates[2 * leg], k = problem->rates[2 * leg + 1];
     if (w == 0.0) return from_line(d, origin, origin + 3 * d, length, p, off, curve);
     const Bend bend = {origin, origin + d, origin + 2 * d, origin + 3 * d, w, k, length};
     return from_bend(d, &bend, p, off, curve);
+}
+
+HOT double joint_distance(const Problem *problem, int64_t leg, const double *p, double *off, double *curve) {
+    switch (problem->d) {
+    case 2: return distance(problem, 2, leg, p, off, curve);
+    case 3: return distance(problem, 3, leg, p, off, curve);
+    default: return distance(problem, (int)problem->d, leg, p, off, curve);
+    }
+}
+
+double joint_vertex(const Problem *problem, int64_t leg, const double *p, double *off, double *curve) {
+    const int d = (int)problem->d;
+    const double *const origin = problem->vectors + leg * 4 * d;
+    double vertex[MOST_AXES];
+    for (int k = 0; k < d; k++) vertex[k] = origin[k] + origin[d + k];
+    return from_point(d, p, vertex, off, curve);
 }
