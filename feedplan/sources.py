@@ -72,11 +72,12 @@ def require_no_path_choice(source: object, path: PathKind | None) -> None:
 def path_for(source: str | Path | Curve, path: PathKind | None, options: Mapping[str, Any]) -> PathKind | None:
     """How the path of a part program is made for a plan with these options.
 
-    What is found with its feed begins at rest, and has the feed of the method "optimal": another method runs the way that
-    swings before a corner slower than one that does not.
+    What is found with its feed begins at rest; and S-curves run a way that swings before a corner slower than one that does
+    not.
     """
-    other = options.get("method", "optimal") not in {"optimal", "nlp"}
-    other = other or any(options.get(name) for name in ("start_feed", "end_feed", "periodic"))
+    other = options.get("method") == "scurve" or any(
+        options.get(name) for name in ("start_feed", "end_feed", "periodic")
+    )
     return "separate" if path is None and other and isinstance(source, str | Path) and is_program(source) else path
 
 

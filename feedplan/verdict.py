@@ -171,6 +171,7 @@ def to_json(verdict: Verdict) -> str:
         "lower_bound_s": verdict.lower_bound,
         "lower_bound_is": verdict.claim.value,
         "gap": verdict.gap,
+        "any_path_s": verdict.any_path,
         "nodes": profile.nodes,
         "samples": verdict.samples.t.size,
         "planning_time_s": verdict.planning_time,
@@ -188,7 +189,7 @@ def to_json(verdict: Verdict) -> str:
     if verdict.facts:
         facts["source"] = dict(verdict.facts)
     if verdict.program is not None:
-        facts["program"] = program_facts(verdict.program) | {"any_path_s": verdict.any_path}
+        facts["program"] = program_facts(verdict.program)
     return json.dumps(_finite(facts), indent=2, allow_nan=False)
 
 

@@ -149,11 +149,11 @@ def test_with_a_feed_at_an_end_the_path_is_separate(run, part):
     assert plan_and_check(part, end_feed=5.0, bound=False).program.counts["joint"] == 0
 
 
-@pytest.mark.parametrize("method", ["toppra", "scurve", "nlp"])
-def test_other_methods_plan_along_it(run, part, method):
+@pytest.mark.parametrize(("method", "path"), [("toppra", "joint"), ("scurve", "separate"), ("nlp", "joint")])
+def test_other_methods_plan_along_it_but_s_curves(run, part, method, path):
     code, out, _ = run("plan", part, "--method", method, "--intervals", 600, "--json")
     found = strict_json(out)
-    assert found["program"]["path"] == "joint"
+    assert found["program"]["path"] == path
     assert code == (1 if method == "toppra" else 0)
 
 
