@@ -57,12 +57,17 @@ _OPEN = 30.0  # largest defect on the way, of the tolerance
 _MAX_PASSES = 10
 _BETWEEN = 16  # parts of a segment at which it is measured
 _MARGIN = 1e-5  # of the tolerance: closing the last defects moves by less
-_BULGE = 3e-3  # of the tolerance, by which a motion may be further off an arc between the points that have rows
-_AIM = 0.998  # at what was beyond the tolerance or the feed; the more so from pass to pass
+_BULGE = 1e-3  # of the tolerance, by which a motion may be further off an arc between the points that have rows
+_AIM = 0.998  # at what was beyond the feed; the more so from pass to pass
+_UNSEEN = (
+    1e-4  # of the tolerance, by which the motion may be further off an arc between the places where it is measured
+)
+_MORE = 1.5  # times as much as a motion was beyond the tolerance
 _MAX_SPEED = 1e-7  # relative excess of the feed
 _SETTLED = 20.0  # in units of time, the shortest part of the motion that is corrected by itself
 _SHORTEST = 0.02  # duration of a phase, in units
 _KEPT, _BEYOND, _MAX_BEYOND = 16, 8, 80  # blocks of a window that are kept, and those beyond
+_REST = 40  # blocks that are not cut into windows
 _WHY = {1: "it had not converged after {} iterations", 2: "its system was singular after {} iterations"}
 
 
@@ -160,15 +165,18 @@ class _Scaled:
                 raise SolverError(f"path and feed together, blocks {leg[0] + 1} to {leg[-1] + 1} of the run: {why}")
             core.joint_between(sizes, switches, share, *legs, x, u, _BETWEEN, between)
             excess = between * [self.length, speed] / np.column_stack([run.tolerance, run.feed])[leg]
+            bent = self.bent[stages]
+            excess[bent, 0] += _UNSEEN
             over = excess > [1.0, 1.0 + _MAX_SPEED]
             if not over.any():
                 self.x[states], self.u[stages] = x, u
                 return count
             # About all arcs alike: the next motion, another one, may be furthest off elsewhere.
-            bent = self.bent[stages]
             over[bent, 0], excess[bent, 0] = over[bent, 0].any(), excess[bent, 0].max(initial=0.0)
-            for limit, beyond, where in zip((self.reach, self.pace), excess.T, over.T, strict=True):
-                limit[stages][where] *= (_AIM ** (1 + once) / beyond[where])[:, None]
+            over &= ~switches[:, None]
+            away, fast = over.T
+            self.reach[stages][away] *= 1.0 / excess[away, :1] ** _MORE
+            self.pace[stages][fast] *= _AIM ** (1 + once) / excess[fast, 1:]
         raise SolverError(
             f"path and feed together, blocks {leg[0] + 1} to {leg[-1] + 1} of the run: after {_MAX_PASSES} passes the "
             f"tolerance is exceeded by {excess[:, 0].max() - 1.0:.2g} of it"
@@ -206,12 +214,14 @@ class _Part:
     leg: IntArray
 
 
-def _end_of_window(run: JointRun, kept: int) -> int:
+def _end_of_window(run: JointRun, leg: int, kept: int) -> int:
     """The leg before which a window ends: it is so long beyond the kept ones that stopping there takes them no time.
 
     From the speed v to rest it is v^2 / (2 a) + v a / (2 J); twice that, for the last to speed up as well.
     """
     n = run.lengths.size
+    if n - leg <= _REST:
+        return n
     speed = min(run.feed.max(), float(np.sqrt((run.velocity**2).sum())))
     acceleration, jerk = min(run.acceleration.min(), run.bend), run.jerk.min()
     acceleration = min(acceleration, np.sqrt(speed * jerk)) if np.isfinite(speed) else acceleration
@@ -229,7 +239,7 @@ def _in_windows(run: JointRun, mesh: Mesh, product: float) -> JointMotion:
     pieces, count, leg = list[_Part](), 0, 0
     while leg < n:
         kept = min(leg + _KEPT, n)
-        end = _end_of_window(run, kept)
+        end = _end_of_window(run, leg, kept)
         kept = n if end == n else kept
         count += scaled.solve(slice(begin[leg], begin[end]), end - 1, product)
         while leg < kept:

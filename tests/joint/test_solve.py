@@ -162,6 +162,7 @@ def test_windows_lose_nothing(monkeypatch):
     whole = solve_run(run)
     monkeypatch.setattr(solve, "_KEPT", 8)
     monkeypatch.setattr(solve, "_BEYOND", 6)
+    monkeypatch.setattr(solve, "_REST", 0)
     parts = solve_run(run)
     assert_valid(run, parts, np.array(points))
     assert parts.duration == pytest.approx(whole.duration, rel=1e-3)
