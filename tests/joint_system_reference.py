@@ -38,10 +38,13 @@ class Problem:
         speeds += [left[1], right[1]]
         found = [self.near[i, 1] * ((q - self.foot(self.leg[i], q)) ** 2).sum() - 1.0 for q in places]
         pace = [self.pace[i, 1]] * 2
+        sided = places[:2] if i == self.n - 1 else places[2:] if i < 2 else places
+        found += [row for q in sided for row in self.walled(i, q, self.near[i, 1], False)]
         if i > 1:
             corner = self.switches[i - 1] and self.leg[i - 2] != self.leg[i]
             near = self.vectors[self.leg[i], 0] if corner else self.foot(self.leg[i], p)
             found.append(self.near[i, 0] * ((p - near) ** 2).sum() - 1.0)
+            found += self.walled(i, p, self.near[i, 0], corner)
             speeds.append(v)
             pace.append(self.pace[i, 0])
             found += self.sided(a, self.axes[1], self.scale[i] ** 2, g ** (2.0 / 3.0))
@@ -53,6 +56,15 @@ class Problem:
             found += self.sided(speed, self.axes[0], self.scale[i], g ** (1.0 / 3.0))
         found += self.sided(u, self.axes[2], cube, g)
         return np.array(found)
+
+    def walled(self, i, p, near, corner):
+        """Of a stage, at p: rows of the sides of its leg, and of those beside it that are kept along it or at their node."""
+        if self.walls is None:
+            return []
+        d, leg = self.d, self.leg[i]
+        before, after = self.walls[leg, d:]
+        legs = [leg, *[leg - 1] * int(before or corner), *[leg + 1] * int(after)]
+        return [-np.sqrt(near) * self.walls[k, :d] @ (p - self.vectors[k, 0]) for k in legs if self.walls[k, :d].any()]
 
     @staticmethod
     def sided(y, per, unit, most):

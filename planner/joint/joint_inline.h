@@ -13,7 +13,7 @@
    velocity, the acceleration at the node, and the jerk. */
 enum { PARTS = 2, POINTS = 1 + 2 * PARTS, PLACES = POINTS + 1 + PARTS + 2 };
 enum { MOST_AXES = 9, MOST_STATES = 3 * MOST_AXES + 1, MOST_ALL = MOST_STATES + MOST_AXES };
-enum { MOST_ROWS = (2 * PARTS + 6) * MOST_AXES + 3 * PARTS + 3 };
+enum { MOST_ROWS = (2 * PARTS + 6) * MOST_AXES + 3 * PARTS + 3 + 3 * POINTS };
 enum { POSITION, VELOCITY, ACCELERATION, JERK };
 
 typedef struct {
@@ -22,7 +22,7 @@ typedef struct {
     const double *share, *scale;
     const int64_t *leg;
     const double *vectors, *rates, *lengths;
-    const double *near, *pace;
+    const double *near, *pace, *walls;
     const double *velocity, *acceleration, *jerk;
     double bend, least;
     const double *target;
@@ -55,7 +55,7 @@ typedef struct {
 
 INLINE int states_of(int d) { return 3 * d + 1; }
 INLINE int all_of(int d) { return 4 * d + 1; }
-INLINE int most_rows_of(int d) { return (2 * PARTS + 6) * d + 3 * PARTS + 3; }
+INLINE int most_rows_of(int d) { return (2 * PARTS + 6) * d + 3 * PARTS + 3 + 3 * POINTS; }
 
 /* Position and derivatives (4, d) in units of the phase, at the share w of it after the start of a segment; linear in x and u. */
 INLINE void joint_at(int d, double w, const double *restrict x, const double *restrict u, double *restrict y) {

@@ -3,6 +3,7 @@
    A row is about a *place*: a control point of the position or one of its derivatives (the order) on a segment, which is linear in
    state and control.  With the duration T of the phase, c = T^3 and g = c / scale^3:
        distance   near |p - foot|^2 - 1,   or near |p - vertex|^2 - 1 where a leg ends
+       side       -sqrt(near) n (p - vertex), n the normal to the allowed side of a leg
        feed       pace |V|^2 / scale^2 - g^(2/3)
        axes       +-V_k / (V_k max scale) - g^(1/3),  +-A_k / (A_k max scale^2) - g^(2/3),  +-U_k / (J_k max scale^3) - g
        bend       |A|^2 / (bend^2 scale^4 g) - g^(1/3)
@@ -219,7 +220,34 @@ INLINE void add_bend(int d, int task, Segment *on, Place *place, double bend) {
 /* Whether the node before a stage is given, so that it has no rows: the first stage is a switch, the second its first segment. */
 INLINE int is_given(int64_t i) { return i < 2; }
 
-/* The row about the distance of the point q of a segment. */
+INLINE int is_corner(const Problem *problem, int64_t i) {
+    return i > 1 && problem->switches[i - 1] && problem->leg[i - 2] != problem->leg[i];
+}
+
+/* The allowed side of a leg. */
+INLINE void add_side(const Problem *problem, int d, int task, int64_t leg, double by, Segment *on, Place *place) {
+    const double *const normal = problem->walls + leg * (d + 2), *const origin = problem->vectors + leg * 4 * d;
+    double off = 0.0, size = 0.0;
+    for (int k = 0; k < d; k++) {
+        off += normal[k] * (place->y[k] - origin[k]);
+        size += square(normal[k]);
+    }
+    if (size > 0.0)
+        take_row(d, task, on, place, (Row){.axis = -1, .scale = -by, .value = -by * off, .vector = normal});
+}
+
+/* Sides at the point q, of the leg and of those beside it.  Beside a rest the motion lies on the leg, whatever it is: there are no
+   rows. */
+INLINE void add_sides(const Problem *problem, int d, int task, int64_t i, int q, Segment *on, Place *place) {
+    const int64_t leg = problem->leg[i];
+    const double *const beside = problem->walls + leg * (d + 2) + d, by = sqrt(problem->near[2 * i + (q > 0)]);
+    if ((is_given(i) && q <= PARTS) || (i == problem->n - 1 && q > PARTS)) return;
+    add_side(problem, d, task, leg, by, on, place);
+    if (beside[0] > 0.0 || (q == 0 && is_corner(problem, i))) add_side(problem, d, task, leg - 1, by, on, place);
+    if (beside[1] > 0.0) add_side(problem, d, task, leg + 1, by, on, place);
+}
+
+/* The rows about the distance of the point q of a segment, and its side. */
 INLINE void add_distance(const Problem *problem, int d, int task, int64_t i, int q, const Iterate *it, Segment *on,
                          Place *place) {
     const int64_t at = i * POINTS + q, leg = problem->leg[i];
@@ -227,10 +255,11 @@ INLINE void add_distance(const Problem *problem, int d, int task, int64_t i, int
     const double near = problem->near[2 * i + (q > 0)];
     Row row = {.axis = -1, .scale = 2.0 * near, .vector = off, .hessian = 2.0 * near, .curve = curve};
     if (task == VALUES) {
-        const int corner = q == 0 && problem->switches[i - 1] && problem->leg[i - 2] != leg;
+        const int corner = q == 0 && is_corner(problem, i);
         row.value = near * (corner ? joint_vertex : joint_distance)(problem, leg, place->y, off, curve) - 1.0;
     }
     take_row(d, task, on, place, row);
+    if (problem->walls) add_sides(problem, d, task, i, q, on, place);
     close_place(d, task, on, place);
 }
 

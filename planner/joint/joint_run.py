@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planner.errors import InputError
 from planner.geometry.blend import Legs
@@ -35,6 +36,10 @@ class JointRun:
         Largest speed along each block, mm/s; inf for none.
     velocity, acceleration, jerk : (d,) arrays
         Limits of the axes, mm/s, mm/s^2, mm/s^3; the first two may be inf.
+    side : (n,) array, optional
+        Where the motion may leave each block to: 1 to its left alone, -1 to its right alone, 0 to both; both if left out.
+    plane : (int, int)
+        The axes of the plane in which left and right are meant.
     bend : float
         Largest acceleration of all axes together, mm/s^2: sufficient for a chord error; inf for none.
     """
@@ -47,6 +52,8 @@ class JointRun:
     acceleration: FloatArray
     jerk: FloatArray
     bend: float = np.inf
+    side: NDArray[np.int8] | None = None
+    plane: tuple[int, int] = (0, 1)
 
     def __post_init__(self) -> None:
         for name in ("lengths", "tolerance", "feed", "velocity", "acceleration", "jerk"):
@@ -62,6 +69,22 @@ class JointRun:
         if (gaps > _JOINED).any():
             at = int(np.argmax(gaps))
             raise InputError(f"leg {at + 1} begins {gaps[at]:.3g} mm from the end of leg {at}; a run has no gaps")
+
+    @property
+    def normals(self) -> FloatArray | None:
+        """Unit vectors in the plane to the allowed side of every block where it begins, (n, d), 0 for both; None for all."""
+        if self.side is None or not self.side.any():
+            return None
+        rows = np.arange(self.lengths.size)
+        along = self.legs.at(rows, np.zeros(rows.size))[1]
+        first, second = self.plane
+        normals = np.zeros((rows.size, self.dim))
+        normals[:, first], normals[:, second] = -along[:, second], along[:, first]
+        size = np.sqrt(np.sum(normals**2, axis=1))
+        lost = np.flatnonzero((self.side != 0) & (size == 0.0))
+        if lost.size:
+            raise InputError(f"leg {lost[0]} does not move in the plane of its side {self.side[lost[0]]}")
+        return np.asarray(normals * (self.side / np.where(size > 0.0, size, 1.0))[:, None])
 
     @property
     def dim(self) -> int:

@@ -9,6 +9,10 @@ these into *segments*, a given share w of the phase each, on which the jerk j is
                 |p - vertex| <= e                               at the node where a block ends
                 p, v, a given at the start and at the end.
 
+Where one side of a block alone is allowed also n (p - vertex) >= 0, n being its normal to that side.  Where the next block
+turns to the allowed side, which then is what is left of both, this holds for both all along them; where it turns away,
+for each along its own, and for both at the node between them.
+
 dist is the distance from the block with its ends, so that the set is a stadium about a line, in any number of axes.  It
 bounds how far the motion is from the blocks; with the discs at the vertices also how far the blocks are from it.
 
@@ -81,6 +85,8 @@ def solve_run(run: JointRun) -> JointMotion:
     """
     if run.legs.ways is not None and (run.legs.ways[:, 0] >= 0.0).any():
         raise SolverError("path and feed together: the run has splines, for which it is not solved")
+    if run.normals is not None and run.legs.curved.any():
+        raise SolverError("path and feed together: the run has arcs, for which it is not solved with one side alone")
     if run.lengths.size == 1 and not run.legs.curved[0]:
         return _straight(run)
     failure = SolverError()
@@ -103,6 +109,17 @@ def _straight(run: JointRun) -> JointMotion:
     s[-1], v[-1], a[-1] = run.lengths[0], 0.0, 0.0
     leg = np.zeros(jerks.size, dtype=np.int64)
     return JointMotion(t, run.starts[0] + s * direction, v * direction, a * direction, jerks[:, None] * direction, leg)
+
+
+def _walls(run: JointRun) -> FloatArray | None:
+    """What joint.h calls so: normals to the allowed sides, and whether those of the blocks beside are kept too."""
+    normals = run.normals
+    if normals is None:
+        return None
+    # the next leg leads to the allowed side of this one
+    turns = np.sum(normals[:-1] * run.legs.vectors[1:, 3], axis=1) >= 0.0
+    beside = turns & normals[1:].any(axis=1)
+    return np.column_stack([normals, np.append(False, beside & normals[:-1].any(axis=1)), np.append(beside, False)])
 
 
 class _Scaled:
@@ -130,6 +147,7 @@ class _Scaled:
         self.reach, self.pace = (np.column_stack([limit, limit]) for limit in (reach, run.feed[mesh.leg]))
         for limit in (self.reach, self.pace):
             limit[after, 0] = np.minimum(limit[after, 0], limit[after - 2, 0])
+        self.walls = _walls(run)
         self.target = np.column_stack([(run.ends - self.origin) / self.length, np.zeros((run.lengths.size, 2 * d))])
 
     def _motion(self) -> tuple[FloatArray, FloatArray]:
@@ -156,7 +174,7 @@ class _Scaled:
         for once in range(_MAX_PASSES):
             near, pace = (self.length / self.reach[stages]) ** 2, (speed / self.pace[stages]) ** 2
             status = core.joint_solve(
-                *(sizes, switches, share, self.scale[stages], *legs, near, pace, self.axes, self.scalars),
+                *(sizes, switches, share, self.scale[stages], *legs, near, pace, self.walls, self.axes, self.scalars),
                 *(self.target[last], _GAP, _AGAIN if once else product, opened, _MAX_ITERATIONS, x, u, work, found),
             )
             count += int(found[5])

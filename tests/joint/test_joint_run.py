@@ -51,3 +51,14 @@ def test_a_motion_is_the_cubic_between_its_nodes():
     np.testing.assert_allclose(slope, motion.at(np.array([0.7]))[1, 0], rtol=1e-8)
     with pytest.raises(ValueError, match="read-only"):
         motion.t[0] = 1.0
+
+
+def test_normals_are_those_to_the_allowed_side_in_the_plane() -> None:
+    points = [[0.0, 0.0, 0.0], [3.0, 4.0, 5.0], [3.0, 4.0, 6.0]]
+    assert run_of(points).normals is None
+    assert run_of(points, side=np.array([0, 0], dtype=np.int8)).normals is None
+    left, right = (run_of(points, side=np.array([side, 0], dtype=np.int8)).normals for side in (1, -1))
+    np.testing.assert_allclose(left, [[-0.8, 0.6, 0.0], [0.0, 0.0, 0.0]], atol=1e-15)
+    np.testing.assert_array_equal(right, -left)
+    with pytest.raises(InputError, match="leg 1 does not move in the plane of its side -1"):
+        _ = run_of(points, side=np.array([1, -1], dtype=np.int8)).normals
