@@ -53,7 +53,8 @@ ELSEWHERE = {
         f"planner.programs.linuxcnc.{name}" for name in ("calls", "canon", "interpreter", "line_events", "marks")
     ),
     "programs/long/test_windows.py": tuple(
-        f"planner.programs.long.{name}" for name in ("done", "journal", "parts", "restore", "run", "window")
+        f"planner.programs.long.{name}"
+        for name in ("done", "journal", "parts", "path_source", "restore", "run", "view", "window")
     ),
     "programs/path/test_absorb.py": ("planner.programs.path.corner_sizes",),
     "programs/path/test_smooth_path.py": tuple(

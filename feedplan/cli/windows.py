@@ -17,6 +17,7 @@ from feedplan.job import load_machine
 from feedplan.sources import require_program
 
 if TYPE_CHECKING:
+    from planner.geometry.tolerance import PathKind
     from planner.programs.long.windows import ProgramPlan
 
 _UNITS = {
@@ -40,6 +41,7 @@ _UNITS = {
 @click.option("--output", "-o", type=options.FILE, required=True, help="Table of all windows, .npz.")
 @options.machine
 @options.tolerance
+@options.path
 @options.tools
 @options.ignore
 @options.reader
@@ -53,6 +55,7 @@ def windows(
     machine: str | None,
     complete: dict[str, float],
     tolerance_mm: float | None,
+    path: PathKind | None,
     tools: Path | None,
     ignore: tuple[str, ...],
     reader: str,
@@ -62,8 +65,7 @@ def windows(
 ) -> None:
     """Plan a part program of any length, window by window.
 
-    The path is made before its feed (as by --path separate elsewhere).  Writes the table and, beside it, the seconds of
-    every line.  Interrupted and started again, it goes on where it was.
+    Writes the table and, beside it, the seconds of every line.  Interrupted and started again, it goes on where it was.
     Exit code 1: the plan breaks a limit.
     """
     require_program(program, "feedplan windows")
@@ -77,7 +79,9 @@ def windows(
     with ProgressLine() as line:
         line("reading the program", None)
         blocks = program_of(program, reader, tools=tools, ignore=ignore, setup=found.setup)
-        plan = plan_program(blocks, limits, tolerance_mm, output=output, progress=line, resume=not fresh)
+        plan = plan_program(
+            blocks, limits, tolerance_mm, output=output, path=path or "joint", progress=line, resume=not fresh
+        )
     seconds = time.perf_counter() - began
     if as_json:
         click.echo(_json(plan, name, seconds))
@@ -109,6 +113,7 @@ def _text(plan: ProgramPlan, program: str, machine: str, seconds: float) -> list
         f"largest use of a limit {plan.worst:.7f}, {plan.worst_limit}",
         f"path within {1e3 * plan.deviation:.4g} um of the program (line {plan.deviation_line}), "
         f"{100.0 * plan.deviation_share:.2f} % of the tolerance",
+        *([f"{plan.joint} of {plan.runs} runs from stop to stop found together with their feed"] if plan.runs else []),
         *plan.violations,
         *plan.notes,
         f"wrote {plan.table} and {plan.lines}",

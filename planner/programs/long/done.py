@@ -8,10 +8,15 @@ import numpy as np
 
 from planner.programs.long.window import Kept
 
+_SAID = 8  # of the runs that are made separately: a long program may have many
+
 
 @dataclass(frozen=True)
 class Done:
-    """What the windows so far amount to; ``t`` and ``u`` are where they end."""
+    """What the windows so far amount to; ``t`` and ``u`` are where they end.
+
+    Of ``runs`` of the path ``made_separately`` are; the first of them are in ``separate``.
+    """
 
     windows: int = 0
     t: float = 0.0
@@ -27,6 +32,9 @@ class Done:
     limit_names: tuple[str, ...] = ()
     violations: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    runs: int = 0
+    made_separately: int = 0
+    separate: tuple[str, ...] = ()
 
     def with_window(self, kept: Kept) -> Done:
         """Add a window."""
@@ -48,4 +56,7 @@ class Done:
             limit_names=kept.limit_names,
             violations=self.violations + kept.violations,
             notes=self.notes + kept.notes,
+            runs=self.runs + kept.runs,
+            made_separately=self.made_separately + len(kept.separate),
+            separate=(self.separate + kept.separate)[:_SAID],
         )

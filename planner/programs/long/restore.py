@@ -20,6 +20,7 @@ from planner.law import TimeLaw
 from planner.profile import FeedrateProfile, make_profile
 from planner.programs.long.done import Done
 from planner.programs.long.journal import Journal
+from planner.programs.long.parts import first_cursor
 from planner.programs.long.run import Run
 from planner.programs.long.window import Kept, Planner, WindowStart
 from planner.programs.times import largest_share, times_at
@@ -66,7 +67,7 @@ def restored(journal: Journal, planner: Planner) -> tuple[Done, WindowStart | No
     InputError
         Naming the file, if one is damaged, of another version, of other inputs, or says what does not follow.
     """
-    state: WindowStart | None = WindowStart(None, True, planner.path.start())
+    state: WindowStart | None = WindowStart(None, True, first_cursor())
     saved = journal.state()
     if saved is None:
         return Done(), state
@@ -85,7 +86,7 @@ def restored(journal: Journal, planner: Planner) -> tuple[Done, WindowStart | No
         state = None if state.queue is None and state.cursor is None else planner.filled(state)
     _require_totals(journal, done, said)
     _require_state(journal, state, states, arrays)
-    return said, None if state is None else WindowStart.of(states, arrays)
+    return said, None if state is None else WindowStart.of(states, arrays, planner.path.joint)
 
 
 def _totals(journal: Journal, header: Mapping[str, Any]) -> Done:

@@ -1,11 +1,13 @@
 """A run: part of the path of a program, which can be cut between its pieces and joined to the run that follows.
 
 A run begins at the parameter 0.  With its curve it keeps the abscissa along the program and where in it the blocks lie.
+Stretches of it that were found together with their feed (``curve.timing``) are not cut, but for their path alone.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,10 +15,14 @@ from numpy.typing import NDArray
 from planner.geometry.bezier import Beziers
 from planner.geometry.blend import Blends, Legs, with_own_curves
 from planner.geometry.chain import INTERVALS_OF_KIND, ChainCurve, Kind
+from planner.law import TimeLaw, Timing
+from planner.machine.limits import Limits
 from planner.programs.path.feeds import caps_of_blocks
+from planner.programs.path.splice import Placed
 from planner.types import BoolArray, FloatArray
 
 _SAME = 1e-9  # mm
+_OF_LAWS = ("t", "u", "u_rate", "u_acceleration")
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,8 +33,8 @@ class Run:
     ----------
     curve : ChainCurve
         From the parameter 0, mm.
-    s : (m + 1,) array
-        Programmed abscissae at the edges of the curve, from the start of the run, mm.
+    at, s : (n,) arrays
+        Parameters, and the programmed abscissae that go with them, from the start of the run, mm; both increasing.
     row : (k,) int array
         Moves of the program that the run covers, the first and the last of them perhaps in part.
     u : (k + 1,) array
@@ -40,6 +46,7 @@ class Run:
     """
 
     curve: ChainCurve
+    at: FloatArray
     s: FloatArray
     row: NDArray[np.intp]
     u: FloatArray
@@ -52,9 +59,30 @@ class Run:
         return float(self.curve.edges[-1])
 
     @property
+    def laws(self) -> tuple[TimeLaw, ...]:
+        """Those that were found together with the path, in their order."""
+        timing = self.curve.timing
+        return () if timing is None else timing.laws
+
+    @property
+    def timed(self) -> NDArray[np.intp]:
+        """First edge and last edge of each stretch that has a law, (l, 2)."""
+        ends = np.array([law.u[[0, -1]] for law in self.laws]).reshape(-1, 2)
+        return np.searchsorted(self.curve.edges, ends)
+
+    @property
     def intervals(self) -> NDArray[np.intp]:
-        """How many intervals of a plan resolve the pieces, (m,)."""
-        return np.asarray(INTERVALS_OF_KIND[self.curve.kind])
+        """How many intervals of a plan resolve the pieces, (m,); a span that has its law is one."""
+        found = np.array(INTERVALS_OF_KIND[self.curve.kind])
+        for first, last in self.timed:
+            some = slice(first, last)
+            found[some] = np.where(self.curve.kind[some] == Kind.SPAN, 1, found[some])
+        return found
+
+    @property
+    def s_edges(self) -> FloatArray:
+        """Abscissae at the edges of the curve, (m + 1,)."""
+        return np.interp(self.curve.edges, self.at, self.s)
 
     @property
     def stops(self) -> NDArray[np.intp]:
@@ -97,11 +125,18 @@ class Run:
             stops=within(curve.stops),
             marks=within(curve.marks),
             feed_caps=None,
+            timing=_timing([_moved(law, -u0) for law in self.laws if u0 <= law.u[0] and law.u[-1] <= u1], self),
         )
         i = int(np.searchsorted(self.u, u0, side="right")) - 1
         j = int(np.searchsorted(self.u, u1, side="left"))
         u = np.concatenate([[0.0], self.u[i + 1 : j] - u0, [u1 - u0]])
-        return Run(part, self.s[first : last + 1] - self.s[first], self.row[i:j], u, self.feed[i:j], self.angular[i:j])
+        at = np.concatenate([[u0], self.at[(self.at > u0) & (self.at < u1)], [u1]])
+        s = np.interp(at, self.at, self.s)
+        return Run(part, at - u0, s - s[0], self.row[i:j], u, self.feed[i:j], self.angular[i:j])
+
+    def untimed(self) -> Run:
+        """The path alone."""
+        return replace(self, curve=replace(self.curve, timing=None))
 
     def joined(self, other: Run, *, rests: bool) -> Run:
         """Append the run that follows; ``rests``: the path stops between them."""
@@ -131,9 +166,11 @@ class Run:
             joints=np.concatenate([a.joints, [at], at + b.joints]),
             stops=np.concatenate([a.stops, [at] if rests else [], at + b.stops]),
             marks=np.concatenate([a.marks, [at] if changes else [], at + b.marks]),
+            timing=_timing([*self.laws, *(_moved(law, at) for law in other.laws)], self, other),
         )
         return Run(
             curve,
+            np.concatenate([self.at, at + other.at[1:]]),
             np.concatenate([self.s, self.s[-1] + other.s[1:]]),
             np.concatenate([self.row, other.row[same:]]),
             np.concatenate([self.u[: -1 if same else None], at + other.u[1:]]),
@@ -149,7 +186,7 @@ class Run:
         """Everything the run is made of, by name."""
         curve = self.curve
         out = {name: getattr(curve, name) for name in ("edges", "kind", "offset", "spans", "joints", "stops", "marks")}
-        out |= {"piece_row": curve.row, "s": self.s, "row": self.row, "u": self.u, "feed": self.feed}
+        out |= {"piece_row": curve.row, "at": self.at, "s": self.s, "row": self.row, "u": self.u, "feed": self.feed}
         out |= {"angular": self.angular, "tip_columns": np.array(curve.tip_columns, dtype=np.intp)}
         parts = {"legs": curve.legs}
         if curve.blends is not None:
@@ -161,11 +198,14 @@ class Run:
                 out[f"{name}_ways"] = legs.ways
         if curve.legs.beziers is not None:
             out |= {f"curves_{name}": array for name, array in curve.legs.beziers.arrays().items()}
+        if self.laws:
+            out["law_first"] = np.cumsum([0, *(law.t.size for law in self.laws)])
+            out |= {f"law_{name}": np.concatenate([getattr(law, name) for law in self.laws]) for name in _OF_LAWS}
         return out
 
     @classmethod
-    def of_arrays(cls, arrays: dict[str, FloatArray], axes: tuple[str, ...], name: str) -> Run:
-        """The run that :meth:`arrays` came from."""
+    def of_arrays(cls, arrays: dict[str, FloatArray], axes: tuple[str, ...], name: str, limits: Limits | None) -> Run:
+        """The run that :meth:`arrays` came from; ``limits``: those that its laws were found for."""
         of_curves = {key.removeprefix("curves_"): array for key, array in arrays.items() if key.startswith("curves_")}
         beziers = Beziers.of_arrays(of_curves) if of_curves else None
 
@@ -177,6 +217,13 @@ class Run:
             if "size" in arrays
             else None
         )
+        timing = None
+        if "law_first" in arrays:
+            laws = (
+                TimeLaw(*(np.array(arrays[f"law_{name}"][i:j]) for name in _OF_LAWS))
+                for i, j in pairwise(arrays["law_first"].astype(int).tolist())
+            )
+            timing = Timing(tuple(laws), limits)
         names = ("edges", "kind", "offset", "spans", "joints", "stops", "marks")
         curve = ChainCurve(
             **{key: arrays[key] for key in names},  # type: ignore[arg-type]
@@ -186,9 +233,11 @@ class Run:
             axes=axes,
             name=name,
             tip_columns=tuple(arrays["tip_columns"].astype(int).tolist()),
+            timing=timing,
         )
         return cls(
             curve,
+            arrays["at"],
             arrays["s"],
             np.asarray(arrays["row"], dtype=np.intp),
             arrays["u"],
@@ -197,50 +246,64 @@ class Run:
         )
 
 
-def cut_run(
-    curve: ChainCurve,
-    s_edges: FloatArray,
-    blocks: tuple[FloatArray, FloatArray, BoolArray],
-    start: float,
-    end: float,
-) -> Run:
+def cut_run(placed: Placed, blocks: tuple[FloatArray, FloatArray, BoolArray], start: float, end: float) -> Run:
     """The run of a path from one abscissa to another, each at an edge or on a leg.
 
     Parameters
     ----------
-    curve : ChainCurve
-    s_edges : (m + 1,) array
-        Programmed abscissae at its edges, mm.
+    placed : Placed
     blocks : tuple
-        Abscissae at which blocks begin and end (k + 1,), their feed caps (k,), and which of these are angular (k,).
+        Parameters at which blocks begin and end (k + 1,), their feed caps (k,), and which of these are angular (k,).
     start, end : float
         mm.
     """
-    edges, feed, angular = blocks
-    u_edges = curve.edges
-    whole = Run(curve, s_edges, np.arange(feed.size), np.interp(edges, s_edges, u_edges), feed, angular)
+    u, feed, angular = blocks
+    whole = Run(placed.curve, placed.u_edges, placed.s_edges, np.arange(feed.size), u, feed, angular)
     for s in (start, end):
         whole = _split_leg(whole, s)
-    i = int(np.searchsorted(whole.s, start + _SAME, side="right")) - 1
-    j = int(np.searchsorted(whole.s, end - _SAME, side="left"))
-    return whole.pieces(i, j)
+    first, last = _edge_at(whole, start), _edge_at(whole, end)
+    assert first is not None
+    assert last is not None
+    return whole.pieces(first, last)
+
+
+def _edge_at(run: Run, s: float) -> int | None:
+    """The edge at an abscissa, None if there is none: of several but for rounding the one at which the path rests."""
+    near = np.flatnonzero(np.abs(run.s_edges - s) <= _SAME)
+    if not near.size:
+        return None
+    resting = np.intersect1d(near, [0, *run.stops, run.curve.kind.size])
+    return int(resting[0] if resting.size else near[0])
 
 
 def _split_leg(run: Run, s: float) -> Run:
     """Cut a leg in two at an abscissa, unless there is an edge."""
-    i = int(np.searchsorted(run.s, s + _SAME, side="right")) - 1
-    if i >= run.curve.kind.size or s - run.s[i] <= _SAME or run.s[i + 1] - s <= _SAME:
+    if _edge_at(run, s) is not None:
         return run
-    curve, along = run.curve, s - run.s[i]
+    i = int(np.searchsorted(run.s_edges, s, side="right")) - 1
+    curve, along = run.curve, s - run.s_edges[i]
     assert curve.kind[i] == Kind.LEG
+    u = curve.edges[i] + along
     split = replace(
         curve,
-        edges=np.insert(curve.edges, i + 1, curve.edges[i] + along),
+        edges=np.insert(curve.edges, i + 1, u),
         kind=np.insert(curve.kind, i + 1, Kind.LEG),
         row=np.insert(curve.row, i + 1, curve.row[i]),
         offset=np.insert(curve.offset, i + 1, curve.offset[i] + along),
     )
-    return replace(run, curve=split, s=np.insert(run.s, i + 1, s))
+    k = int(np.searchsorted(run.at, u))
+    return replace(run, curve=split, at=np.insert(run.at, k, u), s=np.insert(run.s, k, s))
+
+
+def _moved(law: TimeLaw, by: float) -> TimeLaw:
+    """A law of a curve that is moved along its parameter."""
+    return replace(law, u=law.u + by)
+
+
+def _timing(laws: list[TimeLaw], *runs: Run) -> Timing | None:
+    """Laws, found for the limits of the runs they come from."""
+    limits = next((run.curve.timing.limits for run in runs if run.curve.timing is not None), None)
+    return Timing(tuple(laws), limits) if laws else None
 
 
 def _moved_on(before: ChainCurve, curve: ChainCurve) -> ChainCurve:

@@ -16,7 +16,8 @@ from planner.geometry.curve import Curve
 from planner.machine.limits import Limits
 from planner.plan import plan_feedrate
 from planner.profile import FeedrateProfile
-from planner.programs.long.parts import Cursor, PathSource
+from planner.programs.long.parts import next_part
+from planner.programs.long.path_source import Cursor, PathSource
 from planner.programs.long.run import Run
 from planner.programs.path.feeds import caps_of_blocks
 from planner.programs.path.smooth_path import MIN_INTERVALS
@@ -31,6 +32,7 @@ _RESERVE = 5e-3  # of the limits, left unused from shortly before the end of wha
 _MARGIN = 2e-4
 _RESERVE_PIECES = 2  # from so many pieces before the end of what is kept
 _ENDS = (0, 2, 4, 8)  # pieces after that, at which the kept part may end as well
+_NUMBERS = ("rests", "feed", "acceleration", "t", "u", "share", "deviation", "deviation_row", "runs")
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +55,10 @@ class WindowStart:
         Largest deviation of parts that no window has counted yet: against its tolerance, in mm, and where.
     notes : tuple of str
         Exact stops that no window has counted yet.
+    runs : int
+        Runs of which path and feed were to be found together, of these parts.
+    separate : tuple of str
+        Those of them that were made separately, and why.
     """
 
     queue: Run | None
@@ -66,6 +72,8 @@ class WindowStart:
     deviation: float = 0.0
     deviation_row: int = 0
     notes: tuple[str, ...] = ()
+    runs: int = 0
+    separate: tuple[str, ...] = ()
 
     @property
     def first_row(self) -> int:
@@ -76,8 +84,7 @@ class WindowStart:
 
     def header(self) -> dict[str, Any]:
         """Everything that is no array."""
-        names = ("rests", "feed", "acceleration", "t", "u", "share", "deviation", "deviation_row", "notes")
-        out = {name: getattr(self, name) for name in names}
+        out = {name: getattr(self, name) for name in (*_NUMBERS, "notes", "separate")}
         if self.cursor is not None:
             cursor = self.cursor
             out["cursor"] = {name: getattr(cursor, name) for name in ("row", "offset", "rests", "blocks", "deferred")}
@@ -97,18 +104,18 @@ class WindowStart:
         return out
 
     @classmethod
-    def of(cls, header: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> WindowStart:
-        """The state that header and arrays came from."""
+    def of(cls, header: dict[str, Any], arrays: dict[str, NDArray[Any]], limits: Limits | None) -> WindowStart:
+        """The state that header and arrays came from; ``limits``: those for which path and feed are found together."""
         runs: dict[str, Run | None] = {"queue": None, "tail": None}
         for name, axes in header["axes"].items():
             own = {key.removeprefix(f"{name}."): value for key, value in arrays.items() if key.startswith(f"{name}.")}
-            runs[name] = Run.of_arrays(own, tuple(axes), "program")
+            runs[name] = Run.of_arrays(own, tuple(axes), "program", limits)
         cursor = None
         if "cursor" in header:
             cursor = Cursor(entry=arrays.get("entry"), tail=runs["tail"], **header["cursor"])
-        names = ("rests", "feed", "acceleration", "t", "u", "share", "deviation", "deviation_row")
-        values = {name: header[name] for name in names}
-        return cls(runs["queue"], cursor=cursor, notes=tuple(header["notes"]), **values)
+        values = {name: header[name] for name in _NUMBERS}
+        values |= {name: tuple(header[name]) for name in ("notes", "separate")}
+        return cls(runs["queue"], cursor=cursor, **values)
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +139,7 @@ class Kept:
     """What is kept of a window: columns for the journal, time and parameter at its end, and what was found.
 
     ``stopped``: it ends at rest where the path would not need it; ``joint``: steps of feed and tangential acceleration
-    against the window before.
+    against the window before; ``runs`` and ``separate`` as of the state.
     """
 
     columns: dict[str, NDArray[Any]]
@@ -147,6 +154,8 @@ class Kept:
     deviation_row: int
     violations: tuple[str, ...]
     notes: tuple[str, ...]
+    runs: int
+    separate: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,7 +180,8 @@ class Planner:
             reserve=self._reserve(state, None if ends_at_stop else float(run.curve.edges[edge])),
             start_feed=state.feed,
             start_acceleration=state.acceleration if state.feed > 0.0 else None,
-            intervals=max(MIN_INTERVALS, int(run.intervals.sum())),
+            # What was found with its path has a grid; the rest of such a window gets what it needs.
+            intervals=None if run.laws else max(MIN_INTERVALS, int(run.intervals.sum())),
         )
         report = check(curve, limits, profile)
         return Window(state, run, ends_at_stop, edge, curve, profile, report)
@@ -180,9 +190,10 @@ class Planner:
         """Curve and limits of a run.
 
         Where one cap is the lowest everywhere, it is the feed of the limits, and neither planned nor checked twice.
-        Rapids, of which the cap is inf, have a limit of their own.
+        Rapids, of which the cap is inf, have a limit of their own.  What was found with its feed keeps the limits it was
+        found for.
         """
-        if run.angular.any():  # of these the feed of the limits says nothing
+        if run.laws or run.angular.any():  # of the latter the feed of the limits says nothing
             return run.with_caps(), self.limits.for_curve(run.curve)
         feed = min(self.limits.feed, float(run.feed.max()))
         curve = run.curve if feed <= run.feed.min() < np.inf else run.with_caps()
@@ -192,9 +203,9 @@ class Planner:
         """Add parts of the path until there is enough for a window and what lies ahead of it."""
         while state.cursor is not None:
             queue = state.queue
-            if queue is not None and self._enough(queue):
+            if queue is not None and self._enough(state, queue):
                 break
-            part, cursor = self.path.part(state.cursor)
+            part, cursor = next_part(self.path, state.cursor)
             state = replace(
                 state,
                 queue=part.run if queue is None else queue.joined(part.run, rests=state.rests),
@@ -202,6 +213,8 @@ class Planner:
                 cursor=cursor,
                 share=max(state.share, part.share),
                 notes=state.notes + tuple(self._stop(row, reason) for row, reason in part.stops),
+                runs=state.runs + part.runs,
+                separate=state.separate + tuple(self._separate(row, reason) for row, reason in part.separate),
             )
             if part.deviation > state.deviation:
                 state = replace(state, deviation=part.deviation, deviation_row=part.deviation_row)
@@ -210,9 +223,24 @@ class Planner:
     def _stop(self, row: int, reason: str) -> str:
         return f"exact stop after line {self.path.program.line[row]}: {reason}"
 
-    def _enough(self, queue: Run) -> bool:
+    def _separate(self, row: int, reason: str) -> str:
+        return f"from line {self.path.program.line[row]} to the next stop the path is made separately: {reason}"
+
+    def _enough(self, state: WindowStart, queue: Run) -> bool:
         reach = self._reach(queue)
-        return reach is not None and queue.length >= reach[0] + reach[1]
+        if reach is None:
+            return False
+        # Where the window ends at a stop that is known already, nothing ahead of that matters.
+        return queue.length >= reach[0] + reach[1] or self._stop_near(state, queue)[1] is not None
+
+    def _stop_near(self, state: WindowStart, queue: Run) -> tuple[NDArray[np.intp], int | None]:
+        """Edges at which the path rests, from half of a window on; and the last of them that is within one, if any is."""
+        size = queue.curve.kind.size
+        stops = np.append(queue.stops, size) if state.rests else queue.stops
+        enough = int(np.searchsorted(np.cumsum(queue.intervals), _WINDOW)) + 1
+        near = stops[stops >= min(enough, size) // 2]
+        within = near[near <= enough]
+        return near, int(within[-1]) if within.size else None
 
     def _reach(self, queue: Run) -> tuple[float, float] | None:
         """Lengths of what a window keeps and of what lies ahead of that, mm; None where the queue is shorter."""
@@ -235,15 +263,25 @@ class Planner:
 
     def end_of(self, state: WindowStart, queue: Run) -> tuple[int, bool]:
         """Piece before which the window ends, and whether the path rests there anyway."""
+        last, at_stop = self._usual_end(state, queue)
+        timed = queue.timed
+        before = timed[timed[:, 0] < last]
+        if not before.size:
+            return last, at_stop
+        # Laws begin at rest, and leave nothing of their limits to make up for a beginning of the window that does not.
+        if state.feed > 0.0:
+            return int(before[0, 0]), True
+        if at_stop and last >= before[-1, 1]:
+            return last, True
+        # Inside of a law, or somewhere behind one: the end of that law.
+        return int(before[-1, 1]), True
+
+    def _usual_end(self, state: WindowStart, queue: Run) -> tuple[int, bool]:
+        """As :meth:`end_of`, as if nothing had been found with its feed."""
         size = queue.curve.kind.size
-        count = np.cumsum(queue.intervals)
-        stops = queue.stops
-        if state.rests:
-            stops = np.append(stops, size)
-        enough = int(np.searchsorted(count, _WINDOW)) + 1
-        near = stops[stops >= min(enough, size) // 2]
-        if near.size and near[0] <= enough:
-            return int(near[near <= enough][-1]), True
+        near, within = self._stop_near(state, queue)
+        if within is not None:
+            return within, True
         reach = self._reach(queue)
         last = size if reach is None else min(size, int(np.searchsorted(queue.curve.edges, reach[0] + reach[1])))
         if near.size and near[0] <= last:
@@ -353,6 +391,8 @@ class Planner:
             deviation_row=state.deviation_row,
             violations=violations_of(report, run, self.path.program.line),
             notes=self._notes_of(state, run, stopped=stopped),
+            runs=state.runs,
+            separate=state.separate,
         )
 
     def _notes_of(self, state: WindowStart, run: Run, *, stopped: bool) -> tuple[str, ...]:

@@ -25,22 +25,25 @@ what it left has been verified (``restore``).
 
 from __future__ import annotations
 
+import gc
 import hashlib
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
 from planner.errors import InputError
 from planner.files.whole_file import require_writable
+from planner.geometry.tolerance import PathKind
 from planner.inputs import positive_number, require_path
 from planner.machine.limits import SCALARS, Limits
 from planner.programs.long.done import Done
 from planner.programs.long.journal import FORMAT, Journal
-from planner.programs.long.parts import PathSource
+from planner.programs.long.path_source import PathSource
 from planner.programs.long.restore import restored
 from planner.programs.long.window import Planner
+from planner.programs.path.joint_runs import reason_of_machine
 from planner.programs.path.moves import ProgramAxes
 from planner.programs.reading.program import Program
 from planner.programs.reading.reader import read_program
@@ -87,6 +90,9 @@ class ProgramPlan:
         Limits that do not hold, with the line; empty where the plan is sound.
     notes : tuple of str
         What a reader of the verdict should know.
+    runs, joint : int
+        Runs of the path from stop to stop, and those of them of which path and feed were found together; 0 where all of the
+        path was to be made separately.
     """
 
     table: Path
@@ -107,6 +113,8 @@ class ProgramPlan:
     joint_acceleration: float
     violations: tuple[str, ...]
     notes: tuple[str, ...]
+    runs: int
+    joint: int
 
     @property
     def ok(self) -> bool:
@@ -120,6 +128,7 @@ def plan_program(
     tolerance: float | None = None,
     *,
     output: str | Path,
+    path: PathKind = "joint",
     progress: Progress | None = None,
     resume: bool = True,
 ) -> ProgramPlan:
@@ -135,6 +144,9 @@ def plan_program(
     output : str or Path
         The table, ``.npz``; the times go to the same name with ``.lines.csv``, the work in progress to a directory beside
         it.
+    path : {"joint", "separate"}
+        Find path and feed as one problem, run by run from stop to stop, as :func:`~planner.program_path` does, or the path
+        first.  Of a run of some thousand blocks or more without a stop the path is made first.
     progress : callable, optional
         Called with a message and the share done (or None).
     resume : bool
@@ -155,12 +167,12 @@ def plan_program(
     if table.suffix.lower() != ".npz":
         raise InputError(f"{output}: the plan of a long program is an NPZ table; give a name that ends in .npz")
     lines = table.with_suffix(".lines.csv")
-    for path in (table, lines):
-        require_writable(path)
+    for file in (table, lines):
+        require_writable(file)
     if progress is not None:
         progress("reading the program", None)
     program = source if isinstance(source, Program) else read_program(source)
-    built = _path_source(program, limits, tolerance)
+    built, why = _path_source(program, limits, tolerance, path)
     journal = Journal.beside(table, _identity(built, limits), resume=resume)
     planner = Planner(built, limits)
     if progress is not None:
@@ -176,6 +188,8 @@ def plan_program(
         done = done.with_window(kept)
         header = {"done": asdict(done), "state": None if window is None else window.state.header()}
         journal.save_state(header, {} if window is None else window.state.arrays())
+        # A curve and its arc length hold each other, and the collector does not count what their arrays take.
+        gc.collect()
     if progress is not None:
         progress(f"writing {table}", None)
     verdict = _verdict(done)
@@ -185,11 +199,15 @@ def plan_program(
     arrays |= {"t_start": starts[:, 0], "u_start": starts[:, 1]}
     journal.join(table, done.windows, _COLUMNS, arrays)
     journal.remove()
-    return _outcome(done, program, table, lines, resumed)
+    return _outcome(done, program, (table, lines), resumed, (*program.notes, *why))
 
 
-def _path_source(program: Program, limits: Limits, tolerance: float | None) -> PathSource:
-    """The program with the limits of the axes that it moves."""
+def _path_source(
+    program: Program, limits: Limits, tolerance: float | None, path: PathKind
+) -> tuple[PathSource, tuple[str, ...]]:
+    """The program with the limits of the axes that it moves; and a note where the machine allows no joint path."""
+    if path not in get_args(PathKind):
+        raise InputError(f"path = {path!r} must be one of {', '.join(get_args(PathKind))}")
     if tolerance is not None:
         tolerance = positive_number(tolerance, "tolerance")
         if not np.isfinite(tolerance):
@@ -210,12 +228,18 @@ def _path_source(program: Program, limits: Limits, tolerance: float | None) -> P
         raise InputError(
             "a program is planned in windows only where velocity, acceleration and jerk of every axis that moves are finite"
         )
-    return PathSource(program, used, tolerance, Limits(limits.feed, **rows, axes=axes, rapid=limits.rapid))
+    shaped = Limits(limits.feed, **rows, axes=axes, rapid=limits.rapid)
+    whole = limits.for_axes(axes, program.source)
+    reason = reason_of_machine(whole) if path == "joint" else ""
+    joint = whole if path == "joint" and not reason else None
+    why = (f"the path is made separately from the feed: {reason}",) if reason else ()
+    return PathSource(program, used, tolerance, shaped, joint), why
 
 
 def _identity(path: PathSource, limits: Limits) -> str:
     """What a plan depends on, as a hash."""
-    digest = hashlib.sha256(f"{FORMAT}, blocks absorbed".encode())
+    made = "separate" if path.joint is None else "joint"
+    digest = hashlib.sha256(f"{FORMAT}, blocks absorbed, path {made}".encode())
     program = path.program
     for name in ("kind", "start", "end", "centre", "normal", "sweep", "feed", "stop_after", "tolerance", "line"):
         digest.update(np.ascontiguousarray(getattr(program, name)).data)
@@ -261,10 +285,14 @@ def _filled(edges: FloatArray) -> FloatArray:
     return edges[np.minimum.accumulate(at[::-1])[::-1]]
 
 
-def _outcome(done: Done, program: Program, table: Path, lines: Path, resumed: int) -> ProgramPlan:
+def _outcome(
+    done: Done, program: Program, files: tuple[Path, Path], resumed: int, notes: tuple[str, ...]
+) -> ProgramPlan:
+    more = done.made_separately - len(done.separate)
+    said = (*done.separate, *([f"and so are {more} runs more"] if more else []))
     return ProgramPlan(
-        table=table,
-        lines=lines,
+        table=files[0],
+        lines=files[1],
         duration=done.t,
         dwell=float(sum(event.seconds for event in program.events)),
         length=done.u,
@@ -280,5 +308,7 @@ def _outcome(done: Done, program: Program, table: Path, lines: Path, resumed: in
         joint_feed=done.joint_feed,
         joint_acceleration=done.joint_acceleration,
         violations=done.violations,
-        notes=(*program.notes, *done.notes),
+        notes=(*notes, *done.notes, *said),
+        runs=done.runs,
+        joint=done.runs - done.made_separately,
     )

@@ -31,7 +31,7 @@ from planner.types import FloatArray, IntArray
 _MAX_BLOCKS = 20_000  # of a run: bounds the memory of its solver
 # Of a run most of whose blocks go on smoothly: the time of its solver, where there is little to gain.
 _MAX_SMOOTH, _SMOOTH_SHARE = 500, 0.8
-# Blocks shorter than so many tolerances are passed within the swing beside a vertex; of many the solver finds no end.
+# Blocks shorter than so many tolerances are passed within the swing beside a vertex: of many of them no end is found.
 _SHORT, _MAX_SHORT = 5.0, 60
 _MAX_APART = 100.0  # times the jerk limit of one axis that of another; beyond it no one unit of time serves the solver
 _MAX_SLOWED = 5e-3  # a motion that exceeds its limits by more in time is none
@@ -90,16 +90,21 @@ def find_runs(
         Time of a run whose path is made before its feed, s, by its first block and the one after its last.  Asked for runs
         without a corner: there the tolerance may have nothing more to give, and the grid of the joint problem decides.
     """
+    cuts = cuts_of(blocks, junctions).tolist()
+    runs = [find_run(blocks, junctions, limits, first, last) for first, last in pairwise(cuts)]
+    return [faster(run, junctions, separate_time) for run in runs]
+
+
+def cuts_of(blocks: MovingBlocks, junctions: Junctions) -> IntArray:
+    """The blocks that runs begin with, and one after the last."""
     allowed = np.minimum(blocks.tolerance[:-1], blocks.tolerance[1:])
     stop = blocks.stop | ((junctions.kind == Junction.STOP) & (allowed <= 0.0))
-    cuts = np.concatenate([[0], np.flatnonzero(stop) + 1, [blocks.row.size]])
-    runs = [find_run(blocks, junctions, limits, int(first), int(last)) for first, last in pairwise(cuts)]
-    return [_faster(run, junctions.kind, separate_time) for run in runs]
+    return np.concatenate([[0], np.flatnonzero(stop) + 1, [blocks.row.size]])
 
 
-def _faster(run: FoundRun, kind: NDArray[np.int8], separate_time: Callable[[int, int], float]) -> FoundRun:
-    """The run as it is, or left to the separate path where that is faster."""
-    inner = kind[run.first : run.last - 1]
+def faster(run: FoundRun, junctions: Junctions, separate_time: Callable[[int, int], float]) -> FoundRun:
+    """The run as it is, or left to the separate path where that is faster; arguments as of :func:`find_runs`."""
+    inner = junctions.kind[run.first : run.last - 1]
     if run.part is None or run.exact or (inner >= Junction.CORNER).any():
         return run
     took, other = run.part.law.duration, separate_time(run.first, run.last)
@@ -116,9 +121,9 @@ def find_run(
     """Find path and feed of the run from one block to before another within a share of its tolerance, if it allows that."""
     reason = _reason_of_blocks(blocks, junctions.kind, first, last)
     if last > first + 1:  # a line by itself is taken as it is
-        reason = _reason_of_machine(limits) or reason
+        reason = reason_of_machine(limits) or reason
     elif not np.isfinite(limits.jerk).all():
-        reason = _reason_of_machine(limits)
+        reason = reason_of_machine(limits)
     if reason:
         return FoundRun(first, last, None, reason)
     try:
@@ -173,7 +178,7 @@ def _narrowed(run: FoundRun, share: float, again: Callable[[FoundRun, float], Fo
     return replace(run, part=None, reason=f"it would leave the tolerance by {share - 1.0:.2g} of it")
 
 
-def _reason_of_machine(limits: Limits) -> str:
+def reason_of_machine(limits: Limits) -> str:
     """Why no run of a program is found jointly on a machine, if it is so."""
     free = [axis for axis, jerk in zip(limits.axes, limits.jerk, strict=True) if not np.isfinite(jerk)]
     if free:
@@ -197,7 +202,7 @@ def _reason_of_blocks(blocks: MovingBlocks, kind: NDArray[np.int8], first: int, 
     """Why a run is not found jointly, if it is so."""
     legs, count = blocks.programmed.legs, last - first
     tolerance = blocks.tolerance[first:last]
-    short = int(np.count_nonzero(np.diff(blocks.programmed.edges)[first:last] < _SHORT * tolerance))
+    short = int(np.count_nonzero(blocks.length[first:last] < _SHORT * tolerance))
     smooth = int(np.count_nonzero(kind[first : last - 1] <= Junction.TUBE))
     reasons = (
         (legs.ways is not None and bool((legs.ways[first:last, 0] >= 0.0).any()), "it has splines"),
@@ -221,7 +226,7 @@ def _run_of(blocks: MovingBlocks, limits: Limits, first: int, last: int) -> Join
     scale = blocks.used.scale
     rows = {q.key: getattr(limits, q.key) * scale for q in AXIS}
     some = np.arange(first, last)
-    lengths = np.diff(blocks.programmed.edges[first : last + 1])
+    lengths = blocks.length[first:last]
     tolerance = blocks.tolerance[first:last]
     return JointRun(
         blocks.programmed.legs.taken(some),

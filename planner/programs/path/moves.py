@@ -96,6 +96,8 @@ class MovingBlocks:
         The path that the feed is measured on turns by more than 150 degrees.
     uneven : (m - 1,) bool array
         It is another one from here on, and what is measured moves at quite another rate.
+    length : (m,) array
+        Of each, mm: to the last digit, whatever lies before it.
     """
 
     row: IntArray
@@ -108,6 +110,7 @@ class MovingBlocks:
     group: NDArray[np.uint8]
     turns_back: BoolArray
     uneven: BoolArray
+    length: FloatArray
 
     @classmethod
     def of(cls, program: Program, tolerance: float | None, used: ProgramAxes | None = None) -> MovingBlocks:
@@ -133,7 +136,9 @@ class MovingBlocks:
         back = uneven = np.zeros(stop.size, dtype=np.bool_)
         if used.moving[3:].any():
             back, uneven = _measured_turns(programmed, group, used.names)
-        return cls(row, used, programmed, own, program.feed[row], rapid, stop | back | uneven, group, back, uneven)
+        return cls(
+            row, used, programmed, own, program.feed[row], rapid, stop | back | uneven, group, back, uneven, length
+        )
 
     @property
     def axes(self) -> tuple[str, ...]:

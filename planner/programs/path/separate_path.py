@@ -7,6 +7,7 @@ helix.  Runs that were found jointly stay legs, block by block, until their own 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +15,15 @@ from numpy.typing import NDArray
 from planner.geometry.chain import ChainCurve, Kind
 from planner.machine.limits import Limits
 from planner.programs.path import tube_knots as knotting
+from planner.programs.path.absorb import Absorbed
 from planner.programs.path.corners import Junction, Junctions, blends_at, classify
+from planner.programs.path.feeds import caps_of_blocks
 from planner.programs.path.measure import LinePlace
-from planner.programs.path.moves import MovingBlocks
+from planner.programs.path.moves import MovingBlocks, ProgramAxes
 from planner.programs.path.splice import Placed
 from planner.programs.path.stretch import Fitted, Stretch, fit
+from planner.programs.reading.program import part_of
+from planner.quantity import AXIS
 from planner.types import FloatArray
 
 # How far a tube goes on beyond its first and last junction, where the blocks are long, mm.  The knot spacing has grown
@@ -69,6 +74,33 @@ def built_separately(
     curve, u_edges, s_edges = assemble(blocks, junctions, tubes)
     placed = Placed(curve, u_edges, s_edges, np.interp(blocks.programmed.edges, s_edges, u_edges))
     return Built(placed, junctions, tubes, reasons)
+
+
+def shaping(limits: Limits) -> Limits:
+    """What of the limits shapes a path that is made before its feed."""
+    rows: dict[str, Any] = {q.key: getattr(limits, q.key) for q in AXIS}
+    return Limits(limits.feed, **rows, axes=limits.axes, rapid=limits.rapid)
+
+
+def separate_time(absorbed: Absorbed, used: ProgramAxes, limits: Limits, first: int, last: int) -> float:
+    """Time of a run of the blocks that absorption leaves, s, if its path is made before its feed.
+
+    Parameters
+    ----------
+    absorbed : Absorbed
+    used : ProgramAxes
+        What the program moves.
+    limits : Limits
+        Of these axes, whole.
+    first, last : int
+        The first block of the run, and the one after its last.
+    """
+    from planner.plan import plan_feedrate
+
+    some = MovingBlocks.of(part_of(absorbed.program, slice(first, last)), None, used)
+    placed = built_separately(some, shaping(limits), 1.0, absorbed.room[first : last - 1], []).placed
+    caps = caps_of_blocks(placed.ends, some.feed, some.angular)
+    return plan_feedrate(replace(placed.curve, feed_caps=caps), limits).duration
 
 
 def classified(blocks: MovingBlocks, room: FloatArray | None) -> Junctions:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, get_args
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,13 +26,21 @@ from planner.programs.path.corners import Junction, Junctions
 from planner.programs.path.deviation import Deviation
 from planner.programs.path.feeds import caps_of_blocks
 from planner.programs.path.joint_runs import FoundRun, find_run, find_runs, left_out, separate_notes
-from planner.programs.path.measure import LinePlace, Written, largest_deviation
+from planner.programs.path.measure import Written
+from planner.programs.path.measured_runs import MeasuredPath
 from planner.programs.path.moves import MovingBlocks
-from planner.programs.path.separate_path import Built, built_separately, classified, places_of, widest_piece
+from planner.programs.path.separate_path import (
+    Built,
+    built_separately,
+    classified,
+    places_of,
+    separate_time,
+    shaping,
+    widest_piece,
+)
 from planner.programs.path.splice import Placed, spliced
 from planner.programs.reading.noise import noise_amplitude
-from planner.programs.reading.program import Program, part_of
-from planner.quantity import AXIS
+from planner.programs.reading.program import Program
 from planner.types import FloatArray
 
 # The path is measured a second time as a whole; a tube that this finds beyond its tolerance is narrowed, and built again.
@@ -41,9 +49,6 @@ NARROWER = 0.999  # than what would just do, by the measure before
 _INTERVALS_PER_CORNER, _INTERVALS_PER_KNOT = 110, 4
 MIN_INTERVALS = 1000  # of a plan of a program
 _NOISE_FACTOR = 2.0
-_PER_PIECE = (
-    5  # places between two nodes of a joint motion at which its deviation is looked at, before the largest are refined
-)
 _DEMANDED = "demanded by the program"
 
 
@@ -149,7 +154,7 @@ def program_path(program: Program, tolerance: float | None, limits: Limits, *, p
     limits = limits.for_axes(blocks.axes, program.source)
     runs, junctions = [], classified(blocks, absorbed.room)
     if path == "joint":
-        runs = find_runs(blocks, junctions, limits, partial(_separate_time, absorbed, blocks, limits))
+        runs = find_runs(blocks, junctions, limits, partial(separate_time, absorbed, blocks.used, limits))
 
     def again(run: FoundRun, room: float) -> FoundRun:
         return find_run(blocks, junctions, limits, run.first, run.last, room)
@@ -158,13 +163,15 @@ def program_path(program: Program, tolerance: float | None, limits: Limits, *, p
     share, number = 1.0, 0
     while number <= MAX_TRIES:
         joint = [(run.first, run.last) for run in runs if run.part is not None]
-        separate = built_separately(blocks, _shaping(limits), share, None if number else absorbed.room, joint)
+        separate = built_separately(blocks, shaping(limits), share, None if number else absorbed.room, joint)
         built = _Made(separate, spliced(separate.placed, blocks, runs, limits), runs)
-        found, largest = _measure(absorbed, built, written)
+        places = places_of(absorbed.edges, absorbed.own, separate.junctions, separate.tubes)
+        measured = _measured(absorbed, built, written)
+        found, largest = measured.largest(runs, places, widest_piece(separate.junctions, separate.tubes))
         if largest <= 1.0:
             made = _report(program, (given, absorbed, blocks), built, found, largest)
             return replace(made, curve=replace(made.curve, made_within=PathTolerance(tolerance, path=path)))
-        kept = left_out(runs, partial(_measure_run, absorbed, built, written), again)
+        kept = left_out(runs, measured.share, again)
         if kept is not runs:
             runs = kept
             continue
@@ -185,61 +192,10 @@ class _Made:
     runs: list[FoundRun]
 
 
-def _shaping(limits: Limits) -> Limits:
-    """What of the limits shapes a path that is made before its feed."""
-    rows: dict[str, Any] = {q.key: getattr(limits, q.key) for q in AXIS}
-    return Limits(limits.feed, **rows, axes=limits.axes, rapid=limits.rapid)
-
-
-def _separate_time(absorbed: Absorbed, blocks: MovingBlocks, limits: Limits, first: int, last: int) -> float:
-    """Time of a run of blocks, s, if its path is made before its feed."""
-    from planner.plan import plan_feedrate
-
-    some = MovingBlocks.of(part_of(absorbed.program, slice(first, last)), None, blocks.used)
-    placed = built_separately(some, _shaping(limits), 1.0, absorbed.room[first : last - 1], []).placed
-    caps = caps_of_blocks(placed.ends, some.feed, some.angular)
-    return plan_feedrate(replace(placed.curve, feed_caps=caps), limits).duration
-
-
-def _measure(absorbed: Absorbed, built: _Made, written: Written) -> tuple[Deviation, float]:
-    """The largest deviation of the path, and the largest against its tolerance."""
-    placed, separate = built.placed, built.separate
-    joint = [absorbed.edges[[run.first, run.last]] for run in built.runs if run.part is not None]
-    apart = [line for line in written.lines if not any(lo <= line[0] and line[1] <= hi for lo, hi in joint)]
-    places = places_of(absorbed.edges, absorbed.own, separate.junctions, separate.tubes)
-    along = placed.curve, placed.u_edges, placed.s_edges, replace(written, lines=apart)
-    widest = widest_piece(separate.junctions, separate.tubes)
-    found = [largest_deviation(*along, places, widest, pieces=placed.curve.edges)]
-    found += _measured_runs(absorbed, built, written, built.runs)
-    return max((deviation for deviation, _ in found), key=lambda item: item.largest), max(share for _, share in found)
-
-
-def _measured_runs(
-    absorbed: Absorbed, built: _Made, written: Written, runs: list[FoundRun]
-) -> list[tuple[Deviation, float]]:
-    """What joint runs deviate, and the largest share of their tolerance; their pieces are short."""
+def _measured(absorbed: Absorbed, built: _Made, written: Written) -> MeasuredPath:
     placed = built.placed
-    places = [place for run in runs for place in _places_of_run(absorbed, run)]
-    if not places:
-        return []
-    widest = max(float(np.diff(run.part.abscissa).max()) for run in runs if run.part is not None)
-    along = placed.curve, placed.u_edges, placed.s_edges, replace(written, lines=[])
-    return [largest_deviation(*along, places, widest, pieces=placed.curve.edges, density=_PER_PIECE)]
-
-
-def _measure_run(absorbed: Absorbed, built: _Made, written: Written, run: FoundRun) -> float:
-    """The largest deviation of a run against its tolerance."""
-    return max((share for _, share in _measured_runs(absorbed, built, written, [run])), default=0.0)
-
-
-def _places_of_run(absorbed: Absorbed, run: FoundRun) -> list[LinePlace]:
-    """Where a run that was found jointly lies, block by block, and the tolerance there."""
-    if run.part is None:
-        return []
-    if run.exact:  # it is the line, which may stand for several blocks
-        return absorbed.lines(run.first, run.last)
-    some = range(run.first, run.last)
-    return [(float(absorbed.edges[k]), float(absorbed.edges[k + 1]), float(absorbed.own[k])) for k in some]
+    edges = placed.curve.edges
+    return MeasuredPath(placed.curve, edges, placed.u_edges, placed.s_edges, absorbed.edges, absorbed.own, written)
 
 
 def _report(

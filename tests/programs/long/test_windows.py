@@ -5,6 +5,7 @@ import itertools
 import json
 import shutil
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,7 @@ from planner.law import TimeLaw
 from planner.machine.limits import SCALARS
 from planner.plan.utilisation import utilisation
 from planner.programs.long import parts, window
-from planner.programs.long.parts import PathSource
+from planner.programs.long.path_source import PathSource
 from planner.programs.long.windows import plan_program
 from planner.programs.path.deviation import deviation
 from planner.programs.path.moves import MovingBlocks, ProgramAxes
@@ -29,6 +30,7 @@ from planner.programs.path.smooth_path import program_path
 BUTTERFLY, SLOTS = PROGRAMS / "butterfly_5000.ngc", PROGRAMS / "slots.ngc"
 LIMITS = drives(dim=3)
 PLANE = drives()
+separately = partial(plan_program, path="separate")
 
 
 def winding(blocks, **words):
@@ -40,7 +42,7 @@ def winding(blocks, **words):
 
 
 def whole_duration(source, tolerance):
-    path = program_path(source, tolerance, LIMITS)
+    path = program_path(source, tolerance, LIMITS, path="separate")
     return plan_feedrate(path.curve, LIMITS.for_curve(path.curve), intervals=path.intervals).duration
 
 
@@ -64,7 +66,7 @@ def shorten_windows(monkeypatch):
 
 def test_butterfly_loses_little_and_joins_smoothly(tmp_path, short_windows):
     source = read_program(BUTTERFLY)
-    plan = plan_program(source, LIMITS, 0.01, output=tmp_path / "plan.npz")
+    plan = separately(source, LIMITS, 0.01, output=tmp_path / "plan.npz")
     assert plan.ok
     assert plan.windows >= 2
     assert plan.stops == 0
@@ -80,7 +82,7 @@ def test_butterfly_loses_little_and_joins_smoothly(tmp_path, short_windows):
 
 def test_the_table_is_one_motion(tmp_path, short_windows):
     """Read from the file alone: position, feed and its slope go on from window to window, time and parameter add up."""
-    plan = plan_program(winding(2600), LIMITS, 0.01, output=tmp_path / "plan.npz")
+    plan = separately(winding(2600), LIMITS, 0.01, output=tmp_path / "plan.npz")
     assert plan.ok
     assert plan.windows >= 3
     with np.load(plan.table) as table:
@@ -108,7 +110,7 @@ def test_the_table_is_one_motion(tmp_path, short_windows):
 
 def test_interrupted_and_resumed_is_the_same(tmp_path, short_windows):
     source = winding(2600)
-    once = plan_program(source, LIMITS, 0.01, output=tmp_path / "once.npz")
+    once = separately(source, LIMITS, 0.01, output=tmp_path / "once.npz")
 
     class KilledError(Exception):
         pass
@@ -124,13 +126,13 @@ def test_interrupted_and_resumed_is_the_same(tmp_path, short_windows):
     work = tmp_path / "again.npz.windows"
     for count in (2, 4):
         with pytest.raises(KilledError):
-            plan_program(source, LIMITS, 0.01, output=table, progress=until(count))
+            separately(source, LIMITS, 0.01, output=table, progress=until(count))
         assert work.is_dir()
         # A run killed between a window and its state leaves a window too many, one killed while writing a part of a file.
         (work / f"window-{count - 1:06d}.npz").write_bytes(b"torn")
         (work / ".feedplan-0123456789ab.part").write_bytes(b"torn")
         assert not table.exists()
-    again = plan_program(source, LIMITS, 0.01, output=table)
+    again = separately(source, LIMITS, 0.01, output=table)
     assert again.resumed == 3
     assert again.windows == once.windows
     assert not work.exists()
@@ -150,7 +152,7 @@ def test_what_belongs_to_another_program_is_not_resumed(tmp_path, short_windows)
 
     table = tmp_path / "plan.npz"
     with pytest.raises(KeyboardInterrupt):
-        plan_program(winding(1100), LIMITS, 0.01, output=table, progress=stop)
+        separately(winding(1100), LIMITS, 0.01, output=table, progress=stop)
     before = {path: path.read_bytes() for path in (tmp_path / "plan.npz.windows").iterdir()}
     for source, limits, tolerance in (
         (winding(1100), LIMITS, 0.02),
@@ -160,9 +162,9 @@ def test_what_belongs_to_another_program_is_not_resumed(tmp_path, short_windows)
         with pytest.raises(
             InputError, match=r"state\.npz: belongs to another program, .*; to begin again, plan with --fresh"
         ):
-            plan_program(source, limits, tolerance, output=table)
+            separately(source, limits, tolerance, output=table)
     assert {path: path.read_bytes() for path in (tmp_path / "plan.npz.windows").iterdir()} == before
-    assert plan_program(winding(1100), LIMITS, 0.01, output=table, resume=False).resumed == 0
+    assert separately(winding(1100), LIMITS, 0.01, output=table, resume=False).resumed == 0
 
 
 @pytest.fixture(scope="module")
@@ -177,7 +179,7 @@ def journal(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         shorten_windows(patch)
         with pytest.raises(KeyboardInterrupt):
-            plan_program(winding(2600), LIMITS, 0.01, output=folder / "plan.npz", progress=stop)
+            separately(winding(2600), LIMITS, 0.01, output=folder / "plan.npz", progress=stop)
     return folder / "plan.npz.windows"
 
 
@@ -186,7 +188,7 @@ def interrupted(tmp_path, journal, short_windows):
     """A copy of it, and a function that goes on with it."""
     work = tmp_path / journal.name
     shutil.copytree(journal, work)
-    return work, lambda: plan_program(winding(2600), LIMITS, 0.01, output=tmp_path / "plan.npz")
+    return work, lambda: separately(winding(2600), LIMITS, 0.01, output=tmp_path / "plan.npz")
 
 
 def rewritten(path, **changes):
@@ -300,7 +302,7 @@ def test_every_window_is_checked(tmp_path, short_windows, monkeypatch):
         return plan_feedrate(curve, limits, **options)
 
     monkeypatch.setattr(window, "plan_feedrate", eager)
-    plan = plan_program(winding(1500), LIMITS, 0.01, output=tmp_path / "plan.npz")
+    plan = separately(winding(1500), LIMITS, 0.01, output=tmp_path / "plan.npz")
     assert not plan.ok
     assert any("jerk" in text for text in plan.violations)
     assert plan.worst == pytest.approx(1.05, rel=1e-2)
@@ -310,7 +312,7 @@ def test_every_window_is_checked(tmp_path, short_windows, monkeypatch):
     checked = []
     monkeypatch.setattr(window, "plan_feedrate", plan_feedrate)
     monkeypatch.setattr(window, "check", lambda *args: checked.append(args) or check(*args))
-    plan = plan_program(winding(1500), LIMITS, 0.01, output=tmp_path / "plan.npz")
+    plan = separately(winding(1500), LIMITS, 0.01, output=tmp_path / "plan.npz")
     assert plan.ok
     assert len(checked) == plan.windows
 
@@ -322,7 +324,7 @@ def test_where_no_state_serves_the_window_keeps_its_stop(tmp_path, short_windows
         return plan_feedrate(curve, limits, **options)
 
     monkeypatch.setattr(window, "plan_feedrate", timid)
-    plan = plan_program(winding(1500), LIMITS, 0.01, output=tmp_path / "plan.npz")
+    plan = separately(winding(1500), LIMITS, 0.01, output=tmp_path / "plan.npz")
     assert plan.ok
     assert plan.stops == plan.windows - 1 >= 1
     assert len([note for note in plan.notes if note.startswith("the plan rests after line ")]) == plan.stops
@@ -337,7 +339,7 @@ def test_exact_stops_rapids_and_caps_as_in_the_whole(tmp_path, short_windows):
         moves += [line(x, y, feed=40.0), line(x + 5.0, y + 5.0, feed=60.0, stop=True), line(x + 12.0, y, feed=80.0)]
         moves += [rapid(x + 25.0, 0.0)]
     source = program(*moves)
-    plan = plan_program(source, LIMITS, 0.01, output=tmp_path / "plan.npz")
+    plan = separately(source, LIMITS, 0.01, output=tmp_path / "plan.npz")
     assert plan.ok
     assert plan.windows >= 3
     assert plan.stops == 0
@@ -360,7 +362,7 @@ def test_caps_of_a_window_are_those_of_its_blocks(tmp_path, short_windows, monke
     monkeypatch.setattr(window, "plan_feedrate", seen)
     source = winding(1500)
     feed = np.where(np.arange(1500) < 700, 30.0, 50.0)
-    plan = plan_program(replace(source, feed=feed), LIMITS, 0.01, output=tmp_path / "plan.npz")
+    plan = separately(replace(source, feed=feed), LIMITS, 0.01, output=tmp_path / "plan.npz")
     assert plan.ok
     assert any(isinstance(caps, FeedCaps) and caps.feed.tolist() == [30.0, 50.0] for caps, _ in found)
     assert {top for caps, top in found if caps is None} <= {30.0, 50.0}
@@ -376,9 +378,9 @@ def source_of(moves_of, tolerance=0.01):
 
 
 def joined_parts(source):
-    cursor, run, rests, count = source.start(), None, True, 0
+    cursor, run, rests, count = parts.first_cursor(), None, True, 0
     while cursor is not None:
-        part, cursor = source.part(cursor)
+        part, cursor = parts.next_part(source, cursor)
         run = part.run if run is None else run.joined(part.run, rests=rests)
         rests, count = part.rests, count + 1
     return run, count
@@ -391,7 +393,7 @@ def test_parts_cut_inside_a_tube_join_smoothly_and_within_tolerance(short_window
     assert run.curve.breaks == ()  # C2 with a bounded third derivative, and here even that goes on
     assert run.row.tolist() == list(range(2600))
     blocks = MovingBlocks.of(source, 0.01)
-    found = deviation(run.curve, blocks.programmed, run.curve.edges, run.s, 2.0)
+    found = deviation(run.curve, blocks.programmed, run.at, run.s, 2.0)
     assert 5e-3 < found.largest <= 1e-2
 
 
@@ -403,7 +405,7 @@ def test_parts_of_corners_are_the_whole_path(monkeypatch):
     points = np.column_stack([7.0 * np.arange(80), 9.0 * (np.arange(80) % 2)])
     source = polyline(points)
     run, count = joined_parts(source_of(source))
-    whole = program_path(source, 0.01, PLANE)
+    whole = program_path(source, 0.01, PLANE, path="separate")
     assert count >= 4
     assert run.length == pytest.approx(whole.curve.domain[1], abs=1e-9)
     assert np.abs(run.u - whole.u).max() < 1e-9
@@ -432,7 +434,7 @@ def test_a_straight_program_is_cut_between_blocks(monkeypatch):
 )
 def test_refused(tmp_path, source, limits, name, words):
     with pytest.raises(InputError, match=words):
-        plan_program(source, limits, 0.01, output=tmp_path / name)
+        separately(source, limits, 0.01, output=tmp_path / name)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -441,7 +443,7 @@ def test_a_damaged_state_is_named(tmp_path):
     work.mkdir()
     (work / "state.npz").write_bytes(b"no archive")
     with pytest.raises(InputError, match=r"state\.npz: is damaged"):
-        plan_program(winding(20), LIMITS, 0.01, output=tmp_path / "plan.npz")
+        separately(winding(20), LIMITS, 0.01, output=tmp_path / "plan.npz")
     arguments = ["windows", str(SLOTS), "-o", str(tmp_path / "plan.npz")]
     done = CliRunner().invoke(app, arguments)
     assert done.exit_code == 2
@@ -453,7 +455,8 @@ def test_a_damaged_state_is_named(tmp_path):
 
 def test_the_command(tmp_path):
     table = tmp_path / "plan.npz"
-    done = CliRunner().invoke(app, ["windows", str(SLOTS), "--tolerance-mm", "0.01", "-o", str(table), "--json"])
+    options = ["--tolerance-mm", "0.01", "--path", "separate", "-o", str(table), "--json"]
+    done = CliRunner().invoke(app, ["windows", str(SLOTS), *options])
     assert done.exit_code == 0
     verdict = json.loads(done.stdout)
     assert verdict["ok"]
@@ -467,7 +470,7 @@ def test_the_command(tmp_path):
 
 
 def test_a_reserve_is_left_from_its_parameter_on():
-    curve = program_path(winding(600), 0.01, PLANE).curve
+    curve = program_path(winding(600), 0.01, PLANE, path="separate").curve
     begins = 0.5 * curve.domain[1]
     profile = plan_feedrate(curve, PLANE, reserve=[(begins, 0.05)])
     nodes = TimeLaw(profile.t, profile.u, profile.u_rate, profile.u_acceleration)
@@ -487,7 +490,21 @@ def test_a_corner_shortly_after_the_start_is_that_of_the_whole_program(tmp_path,
     chords = "".join(f"G1 X{20.0 * np.cos(a) - 20.0:.4f} Y{20.0 * np.sin(a):.4f}\n" for a in angle[1:])
     (tmp_path / "lead.ngc").write_text(f"G21 G90 G64 P0.01\nG0 X{-lead} Y0\nG1 X0 F6000\n{chords}M2\n")
     source = read_program(tmp_path / "lead.ngc")
-    plan = plan_program(source, LIMITS, output=tmp_path / "plan.npz")
+    plan = separately(source, LIMITS, output=tmp_path / "plan.npz")
     assert plan.ok
     assert plan.stops == 0
     assert plan.duration == pytest.approx(whole_duration(source, None), rel=2e-4)
+
+
+@pytest.mark.parametrize("lead", [0.5, 1.0])
+def test_a_stop_shortly_after_the_start_is_kept(tmp_path, lead):
+    """Where a tube begins at it, too: the tube must not begin before it, at the start."""
+    angle = np.linspace(0.0, 1.0, 40)
+    chords = [line(20.0 * np.sin(a), 20.0 - 20.0 * np.cos(a)) for a in angle[1:]]
+    source = program(line(0.0, 0.0, stop=True), *chords, start=(-lead, 0.0, 0.0))
+    plan = separately(source, LIMITS, 0.01, output=tmp_path / "plan.npz")
+    assert plan.ok
+    assert plan.duration == pytest.approx(whole_duration(source, 0.01), rel=1e-6)
+    with np.load(plan.table) as table:
+        at_rest = table["position"][table["feed"] == 0.0]
+    assert np.abs(at_rest - [0.0, 0.0]).max(axis=1).min() < 1e-9
