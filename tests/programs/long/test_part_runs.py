@@ -12,7 +12,7 @@ from program_blocks import line, program, rapid
 from feedplan.cli import app
 from planner import InputError, plan_feedrate
 from planner.machine.limits import Limits
-from planner.programs.long import part_runs, parts, window
+from planner.programs.long import part_runs, parts, view, window
 from planner.programs.long.part_runs import find_part_runs
 from planner.programs.long.path_source import PathSource
 from planner.programs.long.windows import plan_program
@@ -247,6 +247,51 @@ def test_a_run_beyond_its_tolerance_is_left_out(tmp_path, monkeypatch):
     assert plan.deviation_share <= 1.0
     assert (plan.runs, plan.joint) == (6, 2)  # the rapids are exact
     assert sum("it would leave the tolerance by" in note for note in plan.notes) == 4
+
+
+def test_a_run_a_little_beyond_its_tolerance_is_found_again_as_in_the_whole(tmp_path, monkeypatch):
+    solve, rooms = joint_runs.solve_run, []
+
+    def again(blocks, junctions, limits, first, last, room=1.0):
+        rooms.append(room)
+        return find_run(blocks, junctions, limits, first, last, room)
+
+    monkeypatch.setattr(joint_runs, "_shares", lambda run, motion: np.zeros(run.lengths.size))
+    monkeypatch.setattr(joint_runs, "solve_run", lambda run: solve(replace(run, tolerance=1.03 * run.tolerance)))
+    monkeypatch.setattr(view, "find_run", again)
+    source = zigzags(2)
+    plan = plan_program(source, LIMITS, 0.01, output=tmp_path / "plan.npz")
+    assert plan.ok
+    assert (plan.runs, plan.joint, plan.notes) == (6, 6, ())
+    assert 0.99 < plan.deviation_share <= 1.0
+    assert len(rooms) == 4
+    assert all(0.95 < room < 0.98 for room in rooms)
+    assert plan.duration == pytest.approx(whole(source)[1].duration, rel=1e-9)
+
+
+def test_runs_without_a_corner_are_left_where_they_are_left_in_the_whole(tmp_path):
+    """Which of both paths is faster at a turn of some degrees; a line with a step, which is absorbed, is one."""
+    moves = []
+    for k in range(12):
+        x, turn = 60.0 * k, np.deg2rad((0.2, 1.0, 6.0, 60.0)[k % 4])
+        moves += [line(x + 8.0, 0.0), line(x + 8.0, 0.004), line(x + 20.0, 0.004, stop=True)]
+        moves += [line(x + 40.0, 0.004), line(x + 60.0, 0.004 + 20.0 * np.tan(turn), stop=True)]
+        moves += [line(x + 60.0, 0.0, stop=True)]
+    source = program(*moves)
+    plan = plan_program(source, LIMITS, 0.01, output=tmp_path / "plan.npz")
+    path, profile = whole(source)
+    assert plan.ok
+    assert plan.windows >= 2
+    assert path.counts["absorbed"] > 0
+    assert (plan.runs, plan.joint) == (path.counts["runs"], path.counts["joint"])
+    assert 0 < plan.runs - plan.joint < 12
+    assert plan.duration == pytest.approx(profile.duration, rel=1e-3)
+    assert plan.deviation_share == pytest.approx(path.deviation_share, rel=1e-6)
+    said, ours = (
+        {note.rsplit(": ", 1)[1] for note in notes if "separately" in note} for notes in (path.notes, plan.notes)
+    )
+    assert said == ours
+    assert all(reason.endswith(" here") for reason in said)
 
 
 @pytest.mark.parametrize("first", ["long", "joint"])
