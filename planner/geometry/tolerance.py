@@ -12,6 +12,10 @@ PathKind = Literal["joint", "separate"]
 """How the path of a part program is made: together with its feed, as one problem, or first and its feed after it."""
 
 
+PathSide = Literal["both", "left", "right", "inside", "outside"]
+"""Where the path may leave a programmed contour to: both its sides, that of the motion, or that of a closed contour."""
+
+
 @dataclass(frozen=True)
 class PathTolerance:
     """With the same source and the same tolerance the same curve is made again.
@@ -26,9 +30,12 @@ class PathTolerance:
         Example machine whose limits weighed the path of a part program; empty where they are those of the plan.
     path : {"joint", "separate"}
         Whether it was found together with its feed.
+    side : {"both", "left", "right", "inside", "outside"}
+        Where it may leave the program to.
     """
 
     mm: float | None
     share: float = 1.0
     machine: str = ""
     path: PathKind = "separate"
+    side: PathSide = "both"

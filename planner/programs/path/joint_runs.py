@@ -24,6 +24,7 @@ from planner.machine.limits import Limits
 from planner.programs.path.corners import Junction, Junctions
 from planner.programs.path.joint_pieces import JointPart, feet, pieces_of
 from planner.programs.path.moves import MovingBlocks
+from planner.programs.path.sides import AllowedSides
 from planner.programs.reading.program import FEED_GROUPS
 from planner.quantity import AXIS
 from planner.types import FloatArray, IntArray
@@ -75,7 +76,11 @@ class FoundRun:
 
 
 def find_runs(
-    blocks: MovingBlocks, junctions: Junctions, limits: Limits, separate_time: Callable[[int, int], float]
+    blocks: MovingBlocks,
+    junctions: Junctions,
+    limits: Limits,
+    separate_time: Callable[[int, int], float],
+    sides: AllowedSides | None = None,
 ) -> list[FoundRun]:
     """Cut the blocks at their exact stops, and find the path and the feed of every run that allows it.
 
@@ -89,9 +94,13 @@ def find_runs(
     separate_time : callable
         Time of a run whose path is made before its feed, s, by its first block and the one after its last.  Asked for runs
         without a corner: there the tolerance may have nothing more to give, and the grid of the joint problem decides.
+    sides : AllowedSides, optional
+        Where the blocks may be left to one side alone.  What is made separately keeps to none.
     """
     cuts = cuts_of(blocks, junctions).tolist()
-    runs = [find_run(blocks, junctions, limits, first, last) for first, last in pairwise(cuts)]
+    runs = [find_run(blocks, junctions, limits, first, last, sides) for first, last in pairwise(cuts)]
+    if sides is not None:
+        return runs
     return [faster(run, junctions, separate_time) for run in runs]
 
 
@@ -116,7 +125,13 @@ def faster(run: FoundRun, junctions: Junctions, separate_time: Callable[[int, in
 
 
 def find_run(
-    blocks: MovingBlocks, junctions: Junctions, limits: Limits, first: int, last: int, room: float = 1.0
+    blocks: MovingBlocks,
+    junctions: Junctions,
+    limits: Limits,
+    first: int,
+    last: int,
+    sides: AllowedSides | None = None,
+    room: float = 1.0,
 ) -> FoundRun:
     """Find path and feed of the run from one block to before another within a share of its tolerance, if it allows that."""
     reason = _reason_of_blocks(blocks, junctions.kind, first, last)
@@ -129,13 +144,15 @@ def find_run(
     try:
         run = _run_of(blocks, limits, first, last)
         run = replace(run, tolerance=room * run.tolerance)
+        if sides is not None:
+            run = replace(run, side=sides.allowed[first:last], plane=sides.plane)
         motion = _within_limits(blocks, first, limits, run, _within_tolerance(run))
         return FoundRun(first, last, pieces_of(run, motion), room=room)
     except SolverError as error:
         return FoundRun(first, last, None, str(error))
 
 
-def separate_notes(runs: list[FoundRun], line: IntArray) -> list[str]:
+def separate_notes(runs: list[FoundRun], line: IntArray, made: str = "made separately from the feed") -> list[str]:
     """Say which runs are made separately, and why; ``line`` are the numbers of the blocks' lines."""
     reasons: dict[str, list[FoundRun]] = {}
     for run in runs:
@@ -148,12 +165,15 @@ def separate_notes(runs: list[FoundRun], line: IntArray) -> list[str]:
         else:
             shown = ", ".join(f"{line[run.first]} to {line[run.last - 1]}" for run in some[:_SHOWN])
             which = f"lines {shown}{', ...' if len(some) > _SHOWN else ''} are"
-        notes.append(f"{which} made separately from the feed: {reason}")
+        notes.append(f"{which} {made}: {reason}")
     return notes
 
 
 def left_out(
-    runs: list[FoundRun], measure: Callable[[FoundRun], float], again: Callable[[FoundRun, float], FoundRun]
+    runs: list[FoundRun],
+    measure: Callable[[FoundRun], float],
+    again: Callable[[FoundRun, float], FoundRun] | None = None,
+    reason: str = "it would leave the tolerance by {:.2g} of it",
 ) -> list[FoundRun]:
     """Find what is beyond its tolerance with less of it, or leave it out; the same list where nothing is.
 
@@ -163,19 +183,25 @@ def left_out(
     measure : callable
         Largest distance of a run from its blocks, against the tolerance.
     again : callable
-        The run within another share of its tolerance.
+        The run within another share of its tolerance; None where that is no help.
+    reason : str
+        Why a run is left out, with the place of what is beyond.
     """
     shares = [0.0 if run.part is None else measure(run) for run in runs]
     if max(shares, default=0.0) <= 1.0:
         return runs
-    return [run if share <= 1.0 else _narrowed(run, share, again) for run, share in zip(runs, shares, strict=True)]
+    return [
+        run if share <= 1.0 else _narrowed(run, share, again, reason) for run, share in zip(runs, shares, strict=True)
+    ]
 
 
-def _narrowed(run: FoundRun, share: float, again: Callable[[FoundRun, float], FoundRun]) -> FoundRun:
+def _narrowed(
+    run: FoundRun, share: float, again: Callable[[FoundRun, float], FoundRun] | None, reason: str
+) -> FoundRun:
     room = run.room * _LESS / share
-    if share <= _NEARLY and room >= _MIN_ROOM:
+    if again is not None and share <= _NEARLY and room >= _MIN_ROOM:
         return again(run, room)
-    return replace(run, part=None, reason=f"it would leave the tolerance by {share - 1.0:.2g} of it")
+    return replace(run, part=None, reason=reason.format(share - 1.0))
 
 
 def reason_of_machine(limits: Limits) -> str:

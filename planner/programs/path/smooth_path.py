@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from planner.errors import InputError, SolverError
 from planner.geometry.chain import ChainCurve
-from planner.geometry.tolerance import PathKind, PathTolerance
+from planner.geometry.tolerance import PathKind, PathSide, PathTolerance
 from planner.inputs import positive_number, require_instance
 from planner.machine.limits import Limits
 from planner.programs.path.absorb import Absorbed, absorb
@@ -38,6 +38,7 @@ from planner.programs.path.separate_path import (
     shaping,
     widest_piece,
 )
+from planner.programs.path.sides import ALLOWED_OVERCUT, AllowedSides, overcut, samples, sides_of
 from planner.programs.path.splice import Placed, spliced
 from planner.programs.reading.noise import noise_amplitude
 from planner.programs.reading.program import Program
@@ -50,6 +51,7 @@ _INTERVALS_PER_CORNER, _INTERVALS_PER_KNOT = 110, 4
 MIN_INTERVALS = 1000  # of a plan of a program
 _NOISE_FACTOR = 2.0
 _DEMANDED = "demanded by the program"
+_OTHER_SIDE = f"it would pass to the other side, by more than {ALLOWED_OVERCUT:g} of the tolerance"
 
 
 @dataclass(frozen=True)
@@ -88,6 +90,9 @@ class ProgramPath:
         The largest deviation against the tolerance in force where it was found; never above 1.
     intervals : int
         A number of intervals that resolves the corners and tubes, for ``plan_feedrate``.
+    overcut : float
+        How far it leaves the program to a side that is not allowed, mm: never more than 1e-3 of the tolerance; 0 where both
+        sides are.
     counts : dict
         How many blocks, corners, tubes, knots and stops the path has; how many runs from stop to stop, and how many of
         these were found jointly.
@@ -107,13 +112,16 @@ class ProgramPath:
     intervals: int
     counts: dict[str, int]
     notes: tuple[str, ...]
+    overcut: float = 0.0
 
     def __repr__(self) -> str:
         far, stops = self.deviation.largest, len(self.stops)
         return f"ProgramPath({self.curve.name}: within {1e3 * far:.4g} um of the program, {stops} exact stops)"
 
 
-def program_path(program: Program, tolerance: float | None, limits: Limits, *, path: PathKind = "joint") -> ProgramPath:
+def program_path(
+    program: Program, tolerance: float | None, limits: Limits, *, path: PathKind = "joint", side: PathSide = "both"
+) -> ProgramPath:
     """Make a smooth path within tolerance of a part program.
 
     Parameters
@@ -127,6 +135,10 @@ def program_path(program: Program, tolerance: float | None, limits: Limits, *, p
     path : {"joint", "separate"}
         Find path and feed as one problem, or the path first.  A run of blocks from stop to stop of which path and feed
         cannot be found jointly is made separately; ``notes`` says which, and why.
+    side : {"both", "left", "right", "inside", "outside"}
+        Where the path may leave the programmed one to: ``left`` and ``right`` of the motion in the plane of the first two
+        linear axes that move, ``inside`` and ``outside`` of closed contours; rapids and moves across that plane are exact.
+        A run that cannot be found jointly has no tolerance then: it stays the program, with exact stops.
 
     Returns
     -------
@@ -135,7 +147,8 @@ def program_path(program: Program, tolerance: float | None, limits: Limits, *, p
     Raises
     ------
     InputError
-        If the tolerance is not positive, or the machine lacks an axis of the program.
+        If the tolerance is not positive, or the machine lacks an axis of the program; if a contour has no such side, or
+        the path is to be separate, which cuts corners inside.
     CurveError
         If the program moves nothing.
     """
@@ -146,31 +159,45 @@ def program_path(program: Program, tolerance: float | None, limits: Limits, *, p
             raise InputError("tolerance = inf mm must be finite")
     if path not in get_args(PathKind):
         raise InputError(f"path = {path!r} must be one of {', '.join(get_args(PathKind))}")
+    if side not in get_args(PathSide):
+        raise InputError(f"side = {side!r} must be one of {', '.join(get_args(PathSide))}")
+    if side != "both" and path != "joint":
+        raise InputError(f"side = {side!r} is for path = 'joint'; a separate path cuts corners inside")
     limits = program.require_axes(limits)
     given = MovingBlocks.of(program, tolerance)
-    absorbed = absorb(program, given)
+    sides = None if side == "both" else sides_of(given, side, program.line[given.row], program.source)
+    absorbed = absorb(program, given) if sides is None else _nothing_absorbed(program, given)
     blocks = MovingBlocks.of(absorbed.program, None, given.used)
+    blocks = blocks if sides is None else sides.cut(blocks)
     written = absorbed.written(given.programmed)
     limits = limits.for_axes(blocks.axes, program.source)
     runs, junctions = [], classified(blocks, absorbed.room)
     if path == "joint":
-        runs = find_runs(blocks, junctions, limits, partial(separate_time, absorbed, blocks.used, limits))
+        runs = find_runs(blocks, junctions, limits, partial(separate_time, absorbed, blocks.used, limits), sides)
 
     def again(run: FoundRun, room: float) -> FoundRun:
-        return find_run(blocks, junctions, limits, run.first, run.last, room)
+        return find_run(blocks, junctions, limits, run.first, run.last, sides, room)
 
     # The rooms of the corners were measured one by one, which serves nearly always; else the other tries do without.
     share, number = 1.0, 0
     while number <= MAX_TRIES:
         joint = [(run.first, run.last) for run in runs if run.part is not None]
-        separate = built_separately(blocks, shaping(limits), share, None if number else absorbed.room, joint)
-        built = _Made(separate, spliced(separate.placed, blocks, runs, limits), runs)
+        exact = blocks if sides is None else _exact_but(blocks, joint)
+        separate = built_separately(exact, shaping(limits), share, None if number else absorbed.room, joint)
+        built = _Made(separate, spliced(separate.placed, blocks, runs, limits), runs, exact, sides)
         places = places_of(absorbed.edges, absorbed.own, separate.junctions, separate.tubes)
         measured = _measured(absorbed, built, written)
         found, largest = measured.largest(runs, places, widest_piece(separate.junctions, separate.tubes))
+        if sides is not None:
+            kept = left_out(runs, partial(_overcut, absorbed, built, sides, True), None, _OTHER_SIDE)
+            if kept is not runs:
+                runs = kept
+                continue
         if largest <= 1.0:
-            made = _report(program, (given, absorbed, blocks), built, found, largest)
-            return replace(made, curve=replace(made.curve, made_within=PathTolerance(tolerance, path=path)))
+            made = _report(program, (given, absorbed, exact), built, found, largest)
+            cut = 0.0 if sides is None else max(_overcut(absorbed, built, sides, False, run) for run in runs)
+            within = PathTolerance(tolerance, path=path, side=side)
+            return replace(made, overcut=cut, curve=replace(made.curve, made_within=within))
         kept = left_out(runs, measured.share, again)
         if kept is not runs:
             runs = kept
@@ -190,6 +217,35 @@ class _Made:
     separate: Built
     placed: Placed
     runs: list[FoundRun]
+    blocks: MovingBlocks
+    sides: AllowedSides | None
+
+
+def _nothing_absorbed(program: Program, given: MovingBlocks) -> Absorbed:
+    """The blocks as they are: a line that stands for several would pass them on any side."""
+    kept = absorb(program, replace(given, tolerance=np.zeros(given.row.size)))
+    return replace(kept, program=replace(kept.program, tolerance=given.tolerance), own=given.tolerance)
+
+
+def _exact_but(blocks: MovingBlocks, joint: list[tuple[int, int]]) -> MovingBlocks:
+    """The blocks, without a tolerance but in these runs."""
+    tolerance = np.zeros(blocks.row.size)
+    for first, last in joint:
+        tolerance[first:last] = blocks.tolerance[first:last]
+    return replace(blocks, tolerance=tolerance)
+
+
+def _overcut(absorbed: Absorbed, built: _Made, sides: AllowedSides, share: bool, run: FoundRun) -> float:
+    """How far a run leaves the program to the side that is not allowed, mm, or that as a share of what may be of it."""
+    if run.part is None or run.exact:
+        return 0.0
+    placed, programmed = built.placed, built.blocks.programmed
+    inside = (placed.curve.edges >= placed.ends[run.first]) & (placed.curve.edges <= placed.ends[run.last])
+    u = samples(placed.curve.edges[inside])
+    s = np.interp(u, placed.u_edges, placed.s_edges)
+    tolerance = absorbed.own[run.first : run.last]
+    found = overcut(sides, programmed, programmed.of_curve(placed.curve, u, 0)[0], s, float(tolerance.max()))
+    return found / (ALLOWED_OVERCUT * float(tolerance.min())) if share else found
 
 
 def _measured(absorbed: Absorbed, built: _Made, written: Written) -> MeasuredPath:
@@ -210,7 +266,7 @@ def _report(
         Stop(
             float(placed.ends[k + 1]),
             int(absorbed.program.line[k]),
-            _reason(blocks, junctions, built.separate.reasons, int(k)),
+            _reason(blocks, junctions, built, int(k)),
         )
         for k in np.flatnonzero(junctions.kind == Junction.STOP)
     )
@@ -266,7 +322,8 @@ def _notes(absorbed: Absorbed, blocks: MovingBlocks, built: _Made) -> tuple[str,
             f"the blocks carry rounding or noise of about {1e3 * amplitude:.3g} um; a tolerance of {1e3 * least:.3g} um "
             f"follows it, one of {_NOISE_FACTOR * 1e3 * amplitude:.3g} um or more would smooth it away"
         )
-    notes += separate_notes(built.runs, program.line)
+    made = () if built.sides is None else ("exact, with stops at its corners",)
+    notes += separate_notes(built.runs, program.line, *made)
     notes += [
         f"exact stop after line {program.line[blocks.row[k]]}: {reason}"
         for k, reason in sorted(built.separate.reasons.items())
@@ -274,15 +331,17 @@ def _notes(absorbed: Absorbed, blocks: MovingBlocks, built: _Made) -> tuple[str,
     return tuple(notes)
 
 
-def _reason(blocks: MovingBlocks, junctions: Junctions, reasons: dict[int, str], k: int) -> str:
+def _reason(blocks: MovingBlocks, junctions: Junctions, built: _Made, k: int) -> str:
     """Why there is an exact stop at junction k."""
-    if k in reasons:
-        return reasons[k]
+    if k in built.separate.reasons:
+        return built.separate.reasons[k]
+    across = built.sides is not None and (built.sides.allowed[k] != 0) != (built.sides.allowed[k + 1] != 0)
     small = min(blocks.tolerance[k], blocks.tolerance[k + 1]) > 0.0
     every = (
         ("beside a rapid", blocks.rapid[k] or blocks.rapid[k + 1]),
         ("the tool turns back", blocks.turns_back[k]),
         ("the feed is measured along axes that move at quite another rate", blocks.uneven[k]),
+        ("beside a move that has no sides", across),
         (_DEMANDED, blocks.stop[k]),
         (f"a turn of {np.rad2deg(junctions.turn[k]):.0f} degrees", junctions.turn[k] > np.deg2rad(150.0)),
         ("a corner so small that stopping is faster", small),
