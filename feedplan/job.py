@@ -32,7 +32,7 @@ from planner.errors import InputError
 if TYPE_CHECKING:
     from feedplan.verdict import Verdict
     from planner.geometry.curve import Curve
-    from planner.geometry.tolerance import PathKind
+    from planner.geometry.tolerance import PathKind, PathSide
     from planner.machine.limits import Limits
     from planner.machine.machine_table import Machine
     from planner.output.ngc import FeedMode, WrittenProgram
@@ -244,6 +244,7 @@ def plan_and_check(
     period: float | None = None,
     tolerance: float | None = None,
     path: PathKind | None = None,
+    side: PathSide | None = None,
     bound: bool = True,
     progress: Progress = _silent,
     **options: Any,
@@ -252,7 +253,7 @@ def plan_and_check(
 
     Parameters
     ----------
-    source, machine, complete, scale, layer, chain, feed, period, tolerance, path
+    source, machine, complete, scale, layer, chain, feed, period, tolerance, path, side
         As for :func:`load_job`.
     bound, progress, options
         As for :meth:`Job.run`; options are those of :func:`planner.plan_feedrate`: ``method``, ``start_feed``,
@@ -286,6 +287,7 @@ def plan_and_check(
         period=period,
         tolerance=tolerance,
         path=path_for(source, path, options),
+        side=side,
     )
     return job.run(progress, bound=bound, **options)
 
@@ -306,6 +308,7 @@ def load_job(
     ignore: Sequence[str] = (),
     reader: str = "feedplan",
     path: PathKind | None = None,
+    side: PathSide | None = None,
     notice: Callable[[str], None] | None = None,
 ) -> Job:
     """Load a curve, or a part program as a path, and the limits of a machine.
@@ -338,6 +341,8 @@ def load_job(
         Who reads a part program: "feedplan", or "rs274" for an installed LinuxCNC.
     path : {"joint", "separate"}, optional
         Whether the path of a part program is found together with its feed, which is the default, or before it.
+    side : {"both", "left", "right", "inside", "outside"}, optional
+        Where the path of a part program may leave it to, as :func:`planner.programs.path.smooth_path.program_path` has it.
     notice : callable, optional
         Is told what is no error and yet worth knowing.
 
@@ -358,13 +363,13 @@ def load_job(
         return Job.of(
             program_curve(
                 source, scale, limits, tolerance, share, notice,
-                tools=tools, ignore=ignore, reader=reader, setup=found.setup, path=path or "joint",
+                tools=tools, ignore=ignore, reader=reader, setup=found.setup, path=path or "joint", side=side or "both",
             ),
             limits,
             named,
         )  # fmt: skip
     require_no_program_options(source, tools, ignore)
-    require_no_path_choice(source, path)
+    require_no_path_choice(source, path, side)
     made = plain_curve(source, scale, tolerance, share, choice)
     example = "five-axis" if ROTARY_AXES & set(made.curve.axes) else "mill"
     found, named = load_machine(machine, example, complete=complete)
@@ -403,6 +408,7 @@ def load_job_of_table(
     reader: str = "feedplan",
     setup: str | Path | None = None,
     path: PathKind | None = None,
+    side: PathSide | None = None,
 ) -> Job:
     """Load the curve a table was planned for, and the limits of a machine; without one, those in the table's header.
 
@@ -436,11 +442,12 @@ def load_job_of_table(
             reader=reader,
             setup=None if known is None else known.setup,
             path=path or said.path,
+            side=side or said.side,
             widen=not said.machine,
         )
     else:
         require_no_program_options(source, tools, ignore)
-        require_no_path_choice(source, path)
+        require_no_path_choice(source, path, side)
         found = plain_curve(source, scale, tolerance, said.share, choice)
     if on is None:
         if complete:

@@ -16,7 +16,7 @@ from planner.programs import SUFFIXES
 
 if TYPE_CHECKING:
     from planner.geometry.curve import Curve
-    from planner.geometry.tolerance import PathKind, PathTolerance
+    from planner.geometry.tolerance import PathKind, PathSide, PathTolerance
     from planner.machine.limits import Limits
     from planner.machine.program_setup import ProgramSetup
     from planner.programs.path.smooth_path import ProgramPath
@@ -63,10 +63,11 @@ def is_points(source: str | Path) -> bool:
     return Path(source).suffix.lower() == ".csv"
 
 
-def require_no_path_choice(source: object, path: PathKind | None) -> None:
+def require_no_path_choice(source: object, path: PathKind | None, side: PathSide | None = None) -> None:
     """Refuse to choose how a path is made where there is none to make."""
-    if path is not None:
-        raise InputError(f"path = {path!r} is for part programs, {', '.join(SUFFIXES)}; {source} is none")
+    for name, given in (("path", path), ("side", side)):
+        if given is not None:
+            raise InputError(f"{name} = {given!r} is for part programs, {', '.join(SUFFIXES)}; {source} is none")
 
 
 def path_for(source: str | Path | Curve, path: PathKind | None, options: Mapping[str, Any]) -> PathKind | None:
@@ -153,12 +154,14 @@ def program_curve(
     reader: str = "feedplan",
     setup: ProgramSetup | None = None,
     path: PathKind = "joint",
+    side: PathSide = "both",
     widen: bool = False,
 ) -> SourceCurve:
     """Make the path of a part program, which takes its share of the tolerance.
 
     ``notice`` is told of a long one; ``tools``, ``ignore``, ``reader`` and ``setup`` say how it is read.  ``path``: found
-    with its feed, or before.  ``widen``: the limits are those of the axes that move, as a table has them.
+    with its feed, or before; ``side``: where it may leave the program to.
+    ``widen``: the limits are those of the axes that move, as a table has them.
     """
     import numpy as np
 
@@ -174,7 +177,7 @@ def program_curve(
         )
     limits = _widened(limits, program.axes) if widen else limits
     began = time.perf_counter()
-    made = path_of(program, limits, tolerance, share, path=path)
+    made = path_of(program, limits, tolerance, share, path=path, side=side)
     seconds = time.perf_counter() - began
     given = given_tolerances(program) if tolerance is None else np.array([tolerance])
     least = float(given[given > 0.0].min(initial=np.inf))

@@ -225,6 +225,8 @@ def program_facts(path: ProgramPath) -> dict[str, Any]:
         "deviation_line": path.deviation_line,
         "deviation_share": path.deviation_share,
         "exact_stops": [{"line": stop.line, "u": stop.u, "reason": stop.reason} for stop in path.stops],
+        "side": "both" if path.curve.made_within is None else path.curve.made_within.side,
+        "overcut_mm": path.overcut,
         **path.counts,
     }
 

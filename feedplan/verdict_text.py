@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from feedplan.layout import BOLD, GREEN, RED, Cell, indented, named, styled, table
 from feedplan.verdict import Verdict, percent, side_by_side
 from planner.geometry.curve import Curve
+from planner.geometry.tolerance import PathTolerance
 from planner.machine.limits import Limits
 from planner.profile import FeedrateProfile
 from planner.samples import Samples
@@ -145,6 +146,9 @@ def program_lines(path: ProgramPath) -> list[str]:
     else:
         far = f"none; {_micro(path.tolerance)} allowed" if path.tolerance > 0.0 else "none"
     found = named("path", path_made(path)) + named("deviation", far)
+    within = path.curve.made_within
+    if within is not None and within.side != PathTolerance.side:
+        found += named("side", f"{within.side} alone; overcut {_micro(path.overcut)}, measured")
     reasons: dict[str, list[int]] = {}
     for stop in path.stops:
         reasons.setdefault(stop.reason, []).append(stop.line)

@@ -14,7 +14,7 @@ from feedplan.cli.streams import Streams
 from feedplan.job import load_job_of_table
 
 if TYPE_CHECKING:
-    from planner.geometry.tolerance import PathKind
+    from planner.geometry.tolerance import PathKind, PathSide
 
 
 @click.command(epilog="\b\nExample:\n  feedplan check table.csv butterfly-nurbs --machine mill.toml")
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 @options.ignore
 @options.reader
 @options.path_of_table
+@options.side_of_table
 @options.scale
 @options.layer
 @options.chain
@@ -44,6 +45,7 @@ def check(
     ignore: tuple[str, ...],
     reader: str,
     path: PathKind | None,
+    side: PathSide | None,
     scale: float,
     layer: str | None,
     chain: int | None,
@@ -71,6 +73,7 @@ def check(
             ignore=ignore,
             reader=reader,
             path=path,
+            side=side,
             setup=setup,
             layer=layer,
             chain=chain,

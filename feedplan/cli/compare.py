@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from feedplan.comparison.judgement import Judgement
     from feedplan.comparison.result import Result
     from planner.geometry.curve import Curve
-    from planner.geometry.tolerance import PathKind
+    from planner.geometry.tolerance import PathKind, PathSide
     from planner.machine.limits import Limits
     from planner.output.panels import Panel
     from planner.types import FloatArray
@@ -65,6 +65,7 @@ _FLOOR = 1e-3  # of a limit; less is drawn as this
 @options.period
 @options.reader
 @options.path_to_compare
+@options.side
 @click.option("--methods", metavar="A,B,...", help="Names, or their beginnings: algorithm, 2002, 2007, scurve.")
 @click.option("--output", "-o", type=options.FILE, help="Result, .json or .csv.")
 @click.option("--plot", type=options.FILE, help="Figure, .png, .pdf or .svg.")
@@ -85,6 +86,7 @@ def compare(
     period_s: float | None,
     reader: str,
     path: PathKind | None,
+    side: PathSide | None,
     methods: str | None,
     output: Path | None,
     plot: Path | None,
@@ -112,8 +114,9 @@ def compare(
             "complete": complete, "scale": scale, "feed": feed_mm_s, "period": period_s, "tools": tools, "ignore": ignore,
             "reader": reader, "layer": layer, "chain": chain,
         }  # fmt: skip
-        kind = "separate" if path is None and is_program(curve) else path
-        job = load_job(curve, machine, path=kind, notice=notice, **given)
+        one_side = side not in (None, "both")
+        kind = "separate" if path is None and not one_side and is_program(curve) else path
+        job = load_job(curve, machine, path=kind, side=side, notice=notice, **given)
         from feedplan.comparison import compare as compare_methods
         from feedplan.comparison import run_method
         from feedplan.comparison.methods import OPTIMUM
@@ -126,7 +129,7 @@ def compare(
             rows = with_other_path(
                 found.results,
                 job,
-                lambda kind: load_job(curve, machine, path=kind, **given),
+                lambda kind: load_job(curve, machine, path=kind, side=side, **given),
                 lambda other: run_method(OPTIMUM, other.curve, other.limits),
             )
             found = replace(found, results=rows)

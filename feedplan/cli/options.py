@@ -120,6 +120,13 @@ path_of_table = click.option(
     type=click.Choice(["joint", "separate"]),
     help="How the path of a part program was made; else as the table says.",
 )
+_SIDES = click.Choice(["both", "left", "right", "inside", "outside"])
+side = click.option(
+    "--side",
+    type=_SIDES,
+    help="Where the path may leave a part program to: both sides, that of the motion, or that of closed contours.",
+)
+side_of_table = click.option("--side", type=_SIDES, help="Where the path may leave it to; else as the table says.")
 layer = click.option("--layer", metavar="NAME", help="Layer of a drawing: only what is on it.")
 chain = click.option(
     "--chain", type=int, metavar="N", help="Chain of a drawing that has several; without it they are listed."

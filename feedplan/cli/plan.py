@@ -28,7 +28,7 @@ from planner.files.whole_file import require_writable
 if TYPE_CHECKING:
     from feedplan.progress import ProgressLine
     from feedplan.verdict import Verdict
-    from planner.geometry.tolerance import PathKind
+    from planner.geometry.tolerance import PathKind, PathSide
 
 _SAMPLES_AT_ONCE = 1_000_000  # bounds the memory that evaluating the plan takes
 
@@ -72,6 +72,7 @@ class MethodName(StrEnum):
 @options.ignore
 @options.reader
 @options.path
+@options.side
 @click.option("--intervals", type=int, help="Grid intervals; refinement chooses if left out.")
 @click.option("--budget-s", type=float, default=math.inf, help="Time after which to return the best plan so far.")
 @click.option("--output", "-o", type=options.FILE, help=f"Feedrate table, {ANY_COLUMN_FORMAT}.")
@@ -105,6 +106,7 @@ def plan(
     ignore: tuple[str, ...],
     reader: str,
     path: PathKind | None,
+    side: PathSide | None,
     intervals: int | None,
     budget_s: float,
     output: Path | None,
@@ -152,11 +154,15 @@ def plan(
             ignore=ignore,
             reader=reader,
             path=path_for(curve, path, ends | {"method": method.value}),
+            side=side,
             share=share,
             notice=notice,
         )
         from feedplan.progress import ProgressLine
+        from planner.output.ngc import require_both_sides
 
+        if program is not None:
+            require_both_sides(job.curve)
         with ProgressLine() as line:
             verdict = job.run(
                 line,

@@ -14,7 +14,7 @@ from feedplan.job import load_job_of_table
 from planner.files.formats import ANY_COLUMN_FORMAT
 
 if TYPE_CHECKING:
-    from planner.geometry.tolerance import PathKind
+    from planner.geometry.tolerance import PathKind, PathSide
     from planner.profile import FeedrateProfile
     from planner.samples import Samples
 
@@ -32,6 +32,7 @@ _SAMPLES_AT_ONCE = 1_000_000  # bounds the memory that evaluating the plan takes
 @options.ignore
 @options.reader
 @options.path_of_table
+@options.side_of_table
 @options.scale
 @options.layer
 @options.chain
@@ -48,6 +49,7 @@ def replay(
     ignore: tuple[str, ...],
     reader: str,
     path: PathKind | None,
+    side: PathSide | None,
     scale: float,
     layer: str | None,
     chain: int | None,
@@ -77,6 +79,7 @@ def replay(
             ignore=ignore,
             reader=reader,
             path=path,
+            side=side,
             setup=setup,
         )
         with ProgressLine() as line:

@@ -18,7 +18,7 @@ from planner.errors import CurveError, InfeasibleError, SolverError
 
 if TYPE_CHECKING:
     from feedplan.job import Job
-    from planner.geometry.tolerance import PathKind
+    from planner.geometry.tolerance import PathKind, PathSide
     from planner.profile import FeedrateProfile
 
 
@@ -44,6 +44,7 @@ if TYPE_CHECKING:
 @options.ignore
 @options.reader
 @options.path_of_table
+@options.side_of_table
 @options.as_json
 def report(
     table: Path,
@@ -62,6 +63,7 @@ def report(
     ignore: tuple[str, ...],
     reader: str,
     path: PathKind | None,
+    side: PathSide | None,
     as_json: bool,
 ) -> None:
     """Write a feedrate table as a page for a browser.
@@ -85,7 +87,7 @@ def report(
 
         given: dict[str, Any] = {
             "complete": complete, "scale": scale, "tools": tools, "ignore": ignore, "reader": reader, "setup": setup,
-            "path": path, "layer": layer, "chain": chain,
+            "path": path, "side": side, "layer": layer, "chain": chain,
         }  # fmt: skip
         job = load_job_of_table(table, curve, machine, tolerance=tolerance_mm, **given)
         with ProgressLine() as line:
@@ -100,7 +102,7 @@ def report(
             beside = {}
             if job.path is not None and job.path.counts["joint"]:
                 line("planning the path made before its feed")
-                separate = given | {"path": "separate", "tolerance": tolerance_mm}
+                separate = given | {"path": "separate", "side": "both", "tolerance": tolerance_mm}
                 beside = _planned("path first, then feed", lambda: load_job_of_table(table, curve, machine, **separate))
             corner = slowest_corner(job, profile, beside)
             write_report(page, verdict, lines=lines, tolerances=others, corner=corner, progress=line)

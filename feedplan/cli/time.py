@@ -17,7 +17,7 @@ from feedplan.sources import require_program
 from planner.files.formats import ANY_COLUMN_FORMAT
 
 if TYPE_CHECKING:
-    from planner.geometry.tolerance import PathKind
+    from planner.geometry.tolerance import PathKind, PathSide
     from planner.profile import FeedrateProfile
     from planner.programs.times import LineTimes
     from planner.verify import Report
@@ -42,6 +42,7 @@ _DIGITS = 4  # behind the point of the seconds that are shown
 @options.ignore
 @options.reader
 @options.path
+@options.side
 @click.option("--feed-mm-s", type=float, help="Largest feed, in place of the machine's.")
 @click.option("--rows", type=click.IntRange(min=0), default=_ROWS, help="How many of the longest lines to print.")
 @click.option("--output", "-o", type=options.FILE, help=f"Every line, {ANY_COLUMN_FORMAT}.")
@@ -57,6 +58,7 @@ def time(
     ignore: tuple[str, ...],
     reader: str,
     path: PathKind | None,
+    side: PathSide | None,
     feed_mm_s: float | None,
     rows: int,
     output: Path | None,
@@ -75,6 +77,7 @@ def time(
         given: dict[str, Any] = {
             "complete": complete, "feed": feed_mm_s, "tools": tools, "ignore": ignore, "reader": reader,
             "path": path,
+            "side": side,
         }  # fmt: skip
         job = load_job(program, machine, tolerance=tolerance_mm, notice=notice, **given)
         from feedplan.progress import ProgressLine

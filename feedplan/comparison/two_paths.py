@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from feedplan.comparison.methods import OPTIMUM
 from feedplan.comparison.result import Result
-from planner.errors import CurveError, InfeasibleError, SolverError
+from planner.errors import CurveError, InfeasibleError, InputError, SolverError
 from planner.geometry.tolerance import PathKind
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def _other(path: ProgramPath, load: Callable[[PathKind], Job], run: Callable[[Jo
     kind = PATHS[1 - PATHS.index(path_kind(path))]
     try:
         other = load(kind)
-    except (CurveError, InfeasibleError, SolverError) as error:
+    except (CurveError, InfeasibleError, InputError, SolverError) as error:
         return Result(kind, reason=f"{type(error).__name__}: {error}")
     if other.path is None or path_kind(other.path) != kind:
         why = "" if other.path is None else "; ".join(note for note in other.path.notes if "separately" in note)

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from planner.errors import BrokenLimitError, InputError
 from planner.files.whole_file import whole_file
 from planner.geometry.curve import AXES, DEGREES, Curve
+from planner.geometry.tolerance import PathTolerance
 from planner.inputs import positive_number, require_instance
 from planner.law import TimeLaw
 from planner.profile import FeedrateProfile
@@ -114,6 +115,7 @@ def write_ngc(
     tolerance = positive_number(tolerance, "tolerance")
     if not _MIN_TOLERANCE_MM <= tolerance < np.inf:
         raise InputError(f"tolerance = {tolerance!r} mm must be finite and at least {_MIN_TOLERANCE_MM} mm")
+    require_both_sides(curve)
     _require_sound(path, curve, plan, report)
     decimals = int(np.clip(np.ceil(-np.log10(tolerance)) + 2.0, 4.0, 9.0))
     if isinstance(plan, Samples):
@@ -132,6 +134,16 @@ def write_ngc(
         for line in _lines(curve, blocks, words, mode, 0.5 * tolerance, decimals, inserted):
             file.write(f"{line}\n".encode("ascii"))
     return WrittenProgram(len(words), float(taken.sum()), blocks.deviation)
+
+
+def require_both_sides(curve: Curve) -> None:
+    """Refuse a curve that may leave its program to one side alone: blocks are chords, which pass it to the other."""
+    within = curve.made_within
+    if within is not None and within.side != PathTolerance.side:
+        raise InputError(
+            f"{curve.name}: side = {within.side!r}: the blocks of a written program are chords of the path, which pass the "
+            "programmed one to the other side; write samples, or leave the side out"
+        )
 
 
 def _require_sound(path: str | Path, curve: Curve, plan: FeedrateProfile | Samples, report: Report | None) -> None:

@@ -3,24 +3,25 @@
 from __future__ import annotations
 
 import json
-from typing import get_args
+from typing import TypeVar, get_args
 
 import numpy as np
 
 from planner.errors import InputError
 from planner.files.columns import ColumnFile
-from planner.geometry.tolerance import PathKind, PathTolerance
+from planner.geometry.tolerance import PathKind, PathSide, PathTolerance
 from planner.inputs import plain_number, shorten
 from planner.machine.machine_file import EXAMPLE_MACHINES
 from planner.origin import Origin
 from planner.status import Status
 
+_Word = TypeVar("_Word", bound=str)
 _TRUTH = {"yes": True, "no": False}
 # What else a table may say of its curve: how the path was made from a part program or from points.
 _TOLERANCE, _SHARE, _MACHINE, _OWN = "path_tolerance_mm", "path_share", "path_machine", "P words"
-_KIND = "path_kind"
+_KIND, _SIDE = "path_kind", "path_side"
 _SLOWED = "slowed"
-OPTIONAL_KEYS = (_SLOWED, _TOLERANCE, _SHARE, _MACHINE, _KIND)
+OPTIONAL_KEYS = (_SLOWED, _TOLERANCE, _SHARE, _MACHINE, _KIND, _SIDE)
 # How earlier versions began what they said of the status.
 _STATUS_BEFORE = {
     "slowed down by": "slowed",
@@ -37,12 +38,13 @@ def tolerance_lines(tolerance: PathTolerance | None) -> dict[str, str]:
     said = {_TOLERANCE: _OWN if tolerance.mm is None else repr(tolerance.mm)}
     said |= {} if tolerance.share == 1.0 else {_SHARE: repr(tolerance.share)}
     said |= {_MACHINE: tolerance.machine} if tolerance.machine else {}
-    return said | ({} if tolerance.path == PathTolerance.path else {_KIND: tolerance.path})
+    said |= {} if tolerance.path == PathTolerance.path else {_KIND: tolerance.path}
+    return said | ({} if tolerance.side == PathTolerance.side else {_SIDE: tolerance.side})
 
 
 def _tolerance(file: ColumnFile) -> PathTolerance | None:
     """Read the tolerance of the curve; None of an exact one's."""
-    if not {_TOLERANCE, _SHARE, _MACHINE, _KIND} & file.header.keys():
+    if not {_TOLERANCE, _SHARE, _MACHINE, _KIND, _SIDE} & file.header.keys():
         return None
     mm = None if file.header.get(_TOLERANCE, _OWN) == _OWN else number_of(file, _TOLERANCE)
     share = number_of(file, _SHARE) if _SHARE in file.header else 1.0
@@ -57,12 +59,18 @@ def _tolerance(file: ColumnFile) -> PathTolerance | None:
             f"{', '.join(EXAMPLE_MACHINES)}"
         )
     kinds: dict[str, PathKind] = {kind: kind for kind in get_args(PathKind)}
-    kind = file.header.get(_KIND, PathTolerance.path)
-    if kind not in kinds:
+    sides: dict[str, PathSide] = {side: side for side in get_args(PathSide)}
+    kind = _one_of(file, _KIND, kinds, PathTolerance.path)
+    return PathTolerance(mm, share, machine, kind, _one_of(file, _SIDE, sides, PathTolerance.side))
+
+
+def _one_of(file: ColumnFile, key: str, words: dict[str, _Word], default: _Word) -> _Word:
+    word = file.header.get(key, default)
+    if word not in words:
         raise InputError(
-            f'{file.path}: the header says {_KIND} = "{shorten(kind)}"; it must be one of {", ".join(kinds)}'
+            f'{file.path}: the header says {key} = "{shorten(word)}"; it must be one of {", ".join(words)}'
         )
-    return PathTolerance(mm, share, machine, kinds[kind])
+    return words[word]
 
 
 def origin_of(file: ColumnFile) -> Origin:

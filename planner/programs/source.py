@@ -13,7 +13,7 @@ import numpy as np
 from planner.errors import InputError
 from planner.geometry.catalog import read_curve, require_no_choice
 from planner.geometry.curve import Curve
-from planner.geometry.tolerance import DEFAULT_TOLERANCE, PathKind, PathTolerance
+from planner.geometry.tolerance import DEFAULT_TOLERANCE, PathKind, PathSide, PathTolerance
 from planner.inputs import positive_number
 from planner.programs import SUFFIXES
 
@@ -42,6 +42,7 @@ def load_curve(
     layer: str | None = None,
     chain: int | None = None,
     path: PathKind | None = None,
+    side: PathSide | None = None,
 ) -> Curve:
     """Load a curve by its name or from a file.
 
@@ -72,6 +73,8 @@ def load_curve(
     path : {"joint", "separate"}, optional
         Of a part program: found together with its feed, which is the fastest under ``limits`` and belongs to them, or first.
         Left out, joint where limits are given.
+    side : {"both", "left", "right", "inside", "outside"}, optional
+        Where the path may leave a part program to; both if left out.  One side alone is for a joint path.
 
     Returns
     -------
@@ -96,11 +99,14 @@ def load_curve(
         tolerance = None if tolerance is None else positive_number(tolerance, "tolerance")
         machine = "" if limits is not None else EXAMPLE
         program = program_of(source, reader, tools=tools, ignore=ignore)
-        kind = ("separate" if limits is None else "joint") if path is None else path
-        made = path_of(program, load_limits(machine) if limits is None else limits, tolerance, path=kind)
-        return replace(made.curve, made_within=PathTolerance(tolerance, machine=machine, path=kind))
-    if path is not None:
-        raise InputError(f"path = {path!r} is for part programs; {source} is none")
+        kind = ("separate" if limits is None and side is None else "joint") if path is None else path
+        made = path_of(
+            program, load_limits(machine) if limits is None else limits, tolerance, path=kind, side=side or "both"
+        )
+        return replace(made.curve, made_within=PathTolerance(tolerance, 1.0, machine, kind, side or "both"))
+    for name, given in (("path", path), ("side", side)):
+        if given is not None:
+            raise InputError(f"{name} = {given!r} is for part programs; {source} is none")
     require_no_program_options(source, tools, ignore)
     if reader != READERS[0]:
         raise InputError(f"reader = {reader!r} is for part programs; {source} is none")
@@ -149,7 +155,13 @@ def program_of(
 
 
 def path_of(
-    program: Program, limits: Limits, tolerance: float | None, share: float = 1.0, *, path: PathKind = "joint"
+    program: Program,
+    limits: Limits,
+    tolerance: float | None,
+    share: float = 1.0,
+    *,
+    path: PathKind = "joint",
+    side: PathSide = "both",
 ) -> ProgramPath:
     """Make the path of a part program, which takes a share of the tolerance and the name of the file.
 
@@ -159,10 +171,10 @@ def path_of(
 
     if tolerance is None:
         own = replace(program, tolerance=share * given_tolerances(program))
-        made = program_path(own, None, limits, path=path)
+        made = program_path(own, None, limits, path=path, side=side)
     else:
-        made = program_path(program, share * tolerance, limits, path=path)
-    within = PathTolerance(tolerance, share, path=path)
+        made = program_path(program, share * tolerance, limits, path=path, side=side)
+    within = PathTolerance(tolerance, share, path=path, side=side)
     named: dict[str, Any] = {"name": Path(program.source).name, "made_within": within}
     return replace(made, curve=replace(made.curve, **named))
 

@@ -32,7 +32,7 @@ from planner.status import Status
 SLOTS = str(PROGRAMS / "slots.ngc")
 STOPS = str(PROGRAMS / "stops.ngc")
 ALWAYS = "always"
-TABLES = (("teardrop", "XY"), ("flank", "XYZAC"), ("slots", "XY"), ("slowed", "XY"), ("weighed", "XY"))
+TABLES = (("teardrop", "XY"), ("flank", "XYZAC"), ("slots", "XY"), ("slowed", "XY"), ("weighed", "XY"), ("sided", "XY"))
 
 
 def rows(page, name):
@@ -70,6 +70,8 @@ def files(tmp_path_factory):
 
     run("plan", "teardrop", "--certificate", folder / "bound.npz", "-o", folder / "teardrop.csv", "--intervals", 100)
     run("plan", "flank", "-o", folder / "flank.csv", "--intervals", 100)
+    (folder / "pocket.ngc").write_text("G21 G17 G90\nG1 X9 F900\nY9\nX0\nY0\nM2\n")
+    run("plan", folder / "pocket.ngc", "--side", "inside", "-o", folder / "sided.csv")
     run("plan", SLOTS, "--machine", folder / "rapids.toml", "-o", folder / "slots.csv", "--program", folder / "out.ngc",
         "--lines", folder / "slots-lines.csv")  # fmt: skip
     run("time", STOPS, "-o", folder / "stops-lines.csv")

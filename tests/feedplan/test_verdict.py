@@ -20,6 +20,7 @@ from feedplan.verdict import Verdict, to_json
 from feedplan.verdict_text import quantity, to_text
 from interp import replay
 from planner import check, load_curve, plan_feedrate
+from planner.geometry.tolerance import PathSide, PathTolerance
 from planner.status import Claim, Status
 from planner.verify import Report, Row
 
@@ -135,12 +136,22 @@ def test_a_plan_that_is_not_the_optimum_says_so(sound: Verdict) -> None:
         assert said is (status not in {Status.OPTIMAL, Status.FEASIBLE})
 
 
-def program_of(largest: float, tolerance: float, lines: int, notes: tuple[str, ...] = (), joint: int = 0) -> Any:
+def program_of(
+    largest: float, tolerance: float, lines: int, notes: tuple[str, ...] = (), joint: int = 0, side: PathSide = "both"
+) -> Any:
     stops = [SimpleNamespace(line=10 * k, u=0.1 * k, reason="corner") for k in range(lines)]
     deviation = SimpleNamespace(largest=largest)
     counts = {"runs": 3, "joint": joint}
+    curve = SimpleNamespace(made_within=PathTolerance(tolerance, side=side))
     return SimpleNamespace(
-        deviation=deviation, deviation_line=7, tolerance=tolerance, stops=stops, notes=notes, counts=counts
+        curve=curve,
+        deviation=deviation,
+        deviation_line=7,
+        tolerance=tolerance,
+        stops=stops,
+        notes=notes,
+        counts=counts,
+        overcut=2e-6,
     )
 
 
@@ -168,6 +179,11 @@ def test_how_a_path_keeps_to_its_program(sound: Verdict, largest: float, toleran
 def test_how_a_path_was_made(sound: Verdict, joint: int, said: str) -> None:
     text = text_of(replace(sound, program=program_of(0.0042, 0.01, 2, joint=joint)))
     assert next(line for line in text.splitlines() if line.startswith("path ")).split(maxsplit=1)[1].strip() == said
+
+
+def test_the_side_of_a_path_is_told_with_its_overcut(sound: Verdict) -> None:
+    told = [text_of(replace(sound, program=program_of(0.004, 0.01, 0, side=side))) for side in ("both", "inside")]
+    assert ["inside alone; overcut 0.002 um, measured" in text for text in told] == [False, True]
 
 
 @pytest.mark.parametrize(("count", "said"), [(8, "60, 70"), (9, "60, 70, ...")])

@@ -126,7 +126,7 @@ class View:
         """A run within another share of its tolerance."""
         assert self.source.joint is not None
         junctions = classified(self.blocks, self.room)
-        return find_run(self.blocks, junctions, self.source.joint, run.first, run.last, room)
+        return find_run(self.blocks, junctions, self.source.joint, run.first, run.last, room=room)
 
     def fit(self, share: float, room: FloatArray | None, runs: PartRuns) -> FittedTubes | None:
         """Fit tubes with a share of their tolerance, corners within ``room``; None where the part would have no length."""

@@ -184,3 +184,64 @@ def test_load_curve_finds_the_feed_where_it_is_given_limits(part, table):
         load_curve("teardrop", path="joint")
     with pytest.raises(InputError, match="path = 'both' must be one of joint, separate"):
         load_curve(part, path="both")
+
+
+POCKET = """\
+G21 G17 G90 G64 P0.01
+G0 X5 Y0 Z5
+G1 Z-1 F3000
+X10
+Y10
+X0
+Y0
+X5
+G0 Z5
+M2
+"""
+
+
+@pytest.fixture
+def pocket(tmp_path):
+    file = tmp_path / "pocket.ngc"
+    file.write_text(POCKET)
+    return file
+
+
+def test_a_pocket_is_not_gouged_and_its_table_makes_the_same_path(run, pocket, tmp_path):
+    table = tmp_path / "pocket.csv"
+    both = facts(run, "plan", pocket)
+    inside = facts(run, "plan", pocket, "--side", "inside", "-o", table)
+    assert [found["program"]["side"] for found in (both, inside)] == ["both", "inside"]
+    assert 0.0 <= inside["program"]["overcut_mm"] <= 1e-9
+    assert inside["program"]["deviation_mm"] > 0.009
+    assert inside["duration_s"] > both["duration_s"]
+    assert table_origin(table).tolerance == PathTolerance(None, path="joint", side="inside")
+    for command in ("check", "replay"):
+        assert run(command, table, pocket)[0] == 0
+        assert run(command, table, pocket, "--side", "both")[0] == 2
+    assert run("report", table, pocket, "-o", tmp_path / "page.html")[0] == 0
+    _, out, _ = run("time", pocket, "--side", "inside")
+    assert "inside alone; overcut" in out
+    assert load_curve(pocket, limits=load_limits("mill"), side="inside").made_within.side == "inside"
+    rows = facts(run, "compare", pocket, "--side", "outside", "--methods", "optimal")["methods"]
+    assert "a separate path cuts corners inside" in str(rows)
+
+
+def test_blocks_that_would_pass_to_the_other_side_are_refused(run, pocket, tmp_path):
+    program, table = tmp_path / "out.ngc", tmp_path / "pocket.csv"
+    code, _, err = run("plan", pocket, "--side", "inside", "--program", program, "-o", table)
+    assert code == 2
+    assert "chords of the path" in err
+    assert not program.exists()
+    assert not table.exists()
+    assert run("plan", pocket, "--side", "inside", "-o", table)[0] == 0
+    code, _, err = run("ngc", pocket, "-o", program, "--table", table, "--tolerance-mm", "0.02")
+    assert code == 2
+    assert "chords of the path" in err
+    assert not program.exists()
+
+
+def test_a_side_is_for_part_programs(run):
+    assert "side = 'inside' is for part programs" in run("plan", "butterfly-nurbs", "--side", "inside")[2]
+    with pytest.raises(InputError, match="side = 'left' is for part programs"):
+        load_curve("butterfly-nurbs", side="left")
