@@ -134,11 +134,10 @@ def find_run(
     room: float = 1.0,
 ) -> FoundRun:
     """Find path and feed of the run from one block to before another within a share of its tolerance, if it allows that."""
-    reason = _reason_of_blocks(blocks, junctions.kind, first, last)
-    if last > first + 1:  # a line by itself is taken as it is
-        reason = reason_of_machine(limits) or reason
-    elif not np.isfinite(limits.jerk).all():
-        reason = reason_of_machine(limits)
+    # A line by itself is taken as it is, without the solver.
+    alone = last == first + 1 and not blocks.programmed.legs.curved[first]
+    of_machine = _reason_of_limits if alone else reason_of_machine
+    reason = of_machine(limits) or _reason_of_blocks(blocks, junctions.kind, first, last)
     if reason:
         return FoundRun(first, last, None, reason)
     try:
@@ -205,16 +204,24 @@ def _narrowed(
 
 
 def reason_of_machine(limits: Limits) -> str:
-    """Why no run of a program is found jointly on a machine, if it is so."""
+    """Why no run of a program but single lines is found jointly on a machine, if it is so."""
+    reason = _reason_of_limits(limits)
+    if reason:
+        return reason
+    if _bend_for_chords(limits) < np.inf:
+        return "the chord error limits the acceleration to less than the axes do"
+    if limits.jerk.max() > _MAX_APART * limits.jerk.min():
+        return f"the jerk limits of its axes are more than {_MAX_APART:g} times apart"
+    return ""
+
+
+def _reason_of_limits(limits: Limits) -> str:
+    """Which limit of a machine no motion of a run would know of, if there is one."""
     free = [axis for axis, jerk in zip(limits.axes, limits.jerk, strict=True) if not np.isfinite(jerk)]
     if free:
         return f"the jerk of {', '.join(free)} has no limit"
     if np.isfinite(limits.tangential_acceleration) or np.isfinite(limits.tangential_jerk):
         return "the acceleration or the jerk along the path has a limit of its own"
-    if _bend_for_chords(limits) < np.inf:
-        return "the chord error limits the acceleration to less than the axes do"
-    if limits.jerk.max() > _MAX_APART * limits.jerk.min():
-        return f"the jerk limits of its axes are more than {_MAX_APART:g} times apart"
     return ""
 
 

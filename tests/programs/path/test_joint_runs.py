@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from cases import PROGRAMS, drives
-from program_blocks import line, polyline, program, rapid
+from program_blocks import arc, line, polyline, program, rapid
 
 from planner import check, plan_feedrate
 from planner.errors import SolverError
@@ -225,3 +225,20 @@ def test_the_slower_is_left_and_the_note_tells_by_how_much():
     (run,) = find_runs(corner, classified(corner, None), limits, told)
     assert run.part is not None
     assert asked == [(0, 2)]
+
+
+@pytest.mark.parametrize("own", [{"tangential_acceleration": 800.0}, {"tangential_jerk": 9e3}])
+def test_a_single_line_keeps_limits_along_the_path(own):
+    limits = replace(LIMITS, **own)
+    path, _ = planned(program(line(30, 0, stop=True), line(30, 30, stop=True), line(0, 0)), limits)
+    assert (path.counts["runs"], path.counts["joint"]) == (3, 0)
+    assert "along the path has a limit of its own" in path.notes[0]
+
+
+def test_an_arc_by_itself_keeps_the_chord_error_and_a_line_need_not():
+    limits = replace(LIMITS, chord_error=1e-3, period=0.01)  # 80 mm/s^2 across
+    path, _ = planned(program(line(30, 0, stop=True), arc((0, 30), (0, 0), 0.25)), limits)
+    assert (path.counts["runs"], path.counts["joint"]) == (2, 1)
+    assert path.notes == (
+        "lines 2 to 2 are made separately from the feed: the chord error limits the acceleration to less than the axes do",
+    )
