@@ -214,8 +214,8 @@ def test_a_journal_that_is_not_sound_is_refused(tmp_path, name, column, change):
 def test_runs_that_are_not_found_are_made_separately_among_the_others(tmp_path, monkeypatch):
     """The window takes the laws of the others, and plans these."""
 
-    def refused(blocks, junctions, limits, first, last, room=1.0):
-        found = find_run(blocks, junctions, limits, first, last, room)
+    def refused(blocks, junctions, limits, first, last, sides=None, room=1.0):
+        found = find_run(blocks, junctions, limits, first, last, sides, room)
         return (
             replace(found, part=None, reason="no luck") if last - first == 3 and blocks.feed[first] == 50.0 else found
         )
@@ -252,9 +252,9 @@ def test_a_run_beyond_its_tolerance_is_left_out(tmp_path, monkeypatch):
 def test_a_run_a_little_beyond_its_tolerance_is_found_again_as_in_the_whole(tmp_path, monkeypatch):
     solve, rooms = joint_runs.solve_run, []
 
-    def again(blocks, junctions, limits, first, last, room=1.0):
+    def again(blocks, junctions, limits, first, last, sides=None, room=1.0):
         rooms.append(room)
-        return find_run(blocks, junctions, limits, first, last, room)
+        return find_run(blocks, junctions, limits, first, last, sides, room)
 
     monkeypatch.setattr(joint_runs, "_shares", lambda run, motion: np.zeros(run.lengths.size))
     monkeypatch.setattr(joint_runs, "solve_run", lambda run: solve(replace(run, tolerance=1.03 * run.tolerance)))
