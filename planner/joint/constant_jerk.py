@@ -29,11 +29,29 @@ def arriving(start: FloatArray, jerk: FloatArray, width: FloatArray, end: FloatA
         added = np.array([-np.diff(left**k) / c for k, c in ((3, 6.0), (2, 2.0), (1, 1.0))])
         unit = np.sqrt((added**2 / width).sum(axis=1))
         root = added / unit[:, None] / np.sqrt(width)
-        change = np.linalg.lstsq(root, (end - state[:, -1]) / unit[:, None], rcond=None)[0]
+        change = _least(root, (end - state[:, -1]) / unit[:, None])
         jerk = jerk + change / np.sqrt(width[:, None])
         state = rolled(start, jerk, width)
     state[:, -1] = end
     return state, jerk
+
+
+def _least(rows: FloatArray, right: FloatArray) -> FloatArray:
+    """Solve rows (3, n) x = right (3, d) by the smallest x (n, d), by Gram and Schmidt.
+
+    A library's solver rounds as the processor has it, and a rounding may decide which of two optima is found.
+    """
+    basis: list[FloatArray] = []
+    shares: list[FloatArray] = []
+    for k in range(3):
+        row, wanted = rows[k], right[k]
+        for unit, share in zip(basis, shares, strict=True):
+            along = (unit * row).sum()
+            row, wanted = row - along * unit, wanted - along * share
+        size = np.sqrt((row * row).sum())
+        basis.append(row / size)
+        shares.append(wanted / size)
+    return np.asarray(sum(unit[:, None] * share for unit, share in zip(basis, shares, strict=True)))
 
 
 def spline_through(p: FloatArray, width: FloatArray) -> tuple[FloatArray, FloatArray]:
