@@ -182,7 +182,7 @@ def others(settings: Settings) -> tuple[list[Row], dict[str, Any]]:
 
 def program_job(name: str) -> Job:
     """A part program within 10 um."""
-    return load_job(FOLDER / f"{name}.ngc", LIMITS, tolerance=TOLERANCE)
+    return load_job(FOLDER / f"{name}.ngc", LIMITS, tolerance=TOLERANCE, path="separate")
 
 
 def programs(settings: Settings) -> tuple[list[Row], dict[str, Any]]:

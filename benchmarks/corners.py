@@ -53,7 +53,7 @@ class Raster:
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "raster.ngc"
             file.write_text(self.program, encoding="utf-8")
-            return load_job(file, drives(FEED, 3), tolerance=self.tolerance)
+            return load_job(file, drives(FEED, 3), tolerance=self.tolerance, path="separate")
 
     @property
     def shortest_time(self) -> float:

@@ -51,7 +51,7 @@ ALLOWED = 0.03  # of the predicted time
 
 
 def planned(program: Program, tolerance: float) -> tuple[ProgramPath, Limits, FeedrateProfile]:
-    path = program_path(program, tolerance, LIMITS)
+    path = program_path(program, tolerance, LIMITS, path="separate")
     limits = LIMITS.for_curve(path.curve)
     return path, limits, Job(path.curve, limits).plan()
 
@@ -60,7 +60,7 @@ def measure(name: str, tolerance: float) -> dict[str, Any]:
     """Plan one program within one tolerance."""
     program = read_program(FOLDER / f"{name}.ngc")
     began = process_time()
-    path = program_path(program, tolerance, LIMITS)
+    path = program_path(program, tolerance, LIMITS, path="separate")
     limits = LIMITS.for_curve(path.curve)
     made = process_time()
     job = Job(path.curve, limits)

@@ -161,10 +161,10 @@ class Job:
 
     def any_path_bound(self, progress: Progress = _silent) -> float:
         """Bound the time of the program from below, whatever path is made of it, s; nan where there is none."""
-        from planner.programs.path.any_path import any_path_bound
-
         if self.program is None or self.path is None or self.curve.made_within is None:
             return math.nan
+        from planner.programs.path.any_path import any_path_bound
+
         progress("bounding the time of every path from below", None)
         return any_path_bound(self.program, self.curve.made_within.mm, self.limits)
 

@@ -112,7 +112,10 @@ class TestPlan:
         assert (
             f"deviation     {1e3 * path.deviation.largest:.4g} um at most, at line {path.deviation_line}; 20 um" in out
         )
-        assert "program       8 lines, 3 moves, 2 corners" in out
+        assert (
+            "program       8 lines, 3 moves\npath          joint, with its feed: all of 1 run from stop to stop\n"
+            in out
+        )
         assert max(len(line) for line in out.splitlines()) <= 80
         profile = read_table(table, path.curve)
         assert f"{profile.duration:.6g} s" in out
@@ -456,7 +459,7 @@ def test_a_table_written_from_python_says_its_tolerance(run, corners, tmp_path, 
     assert run("plan", corners, *given, "--intervals", 300, "-o", other)[0] == 0
     assert read_table(other, path.curve).origin == profile.origin
     assert read_table(table, path.curve).origin == profile.origin
-    assert profile.origin.tolerance == PathTolerance(tolerance)
+    assert profile.origin.tolerance == PathTolerance(tolerance, path="joint")
 
 
 def test_a_table_of_points_written_from_python_says_its_tolerance(run, tmp_path):
