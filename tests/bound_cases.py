@@ -36,7 +36,7 @@ def bound_case(seed: int, folder: Path) -> BoundCase:
     kind = KINDS[seed % len(KINDS)]
     if kind in {"polyline", "arcs"}:
         text = random_polyline(rng) if kind == "polyline" else random_arcs(rng)
-        curve: Curve = program_path(program_of(text, folder), None, load_limits("mill")).curve
+        curve: Curve = program_path(program_of(text, folder), None, load_limits("mill"), path="separate").curve
     else:
         curve = _nurbs(kind, seed, rng)
     limits = random_limits(rng, curve)

@@ -18,7 +18,7 @@ MACHINE = drives(np.inf, dim=3)
 @pytest.fixture(scope="module")
 def stepped():
     """Two lines in a row, the first at 100 mm/s, the second at 20 mm/s, and the limits for their one axis."""
-    curve = program_path(program(line(40, 0), line(60, 0, feed=20.0)), 0.01, MACHINE).curve
+    curve = program_path(program(line(40, 0), line(60, 0, feed=20.0)), 0.01, MACHINE, path="separate").curve
     return curve, MACHINE.for_curve(curve)
 
 

@@ -58,7 +58,7 @@ def test_line_from_rest_to_rest_is_bounded_by_its_closed_form():
 
 
 def test_sawtooth_whose_old_bound_a_plan_contradicted(tmp_path):
-    path = program_path(program_of(SAWTOOTH, tmp_path), None, load_limits("mill"))
+    path = program_path(program_of(SAWTOOTH, tmp_path), None, load_limits("mill"), path="separate")
     limits = load_limits("mill").for_curve(path.curve)
     profile = plan_feedrate(path.curve, limits, intervals=1000)
     bound = certify(path.curve, limits, profile)

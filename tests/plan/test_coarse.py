@@ -53,7 +53,7 @@ def test_blends_have_as_many_intervals_as_they_need_and_three_points_in_the_seco
     solves: list[tuple[int, int]], tmp_path: Path
 ) -> None:
     (tmp_path / "part.ngc").write_text(BLENDS)
-    curve = program_path(read_program(tmp_path / "part.ngc"), 0.01, mill()).curve
+    curve = program_path(read_program(tmp_path / "part.ngc"), 0.01, mill(), path="separate").curve
     needed = curve.intervals_needed(*curve.domain)
     coarse_of(curve, 400)
     assert [inner for _, inner in solves] == [1, 3]

@@ -244,7 +244,7 @@ def test_multipliers_predict_what_another_limit_saves() -> None:
 def grid_cases() -> dict[str, tuple[Curve, Limits]]:
     found = {name: (curve, limits) for name, curve, limits, _ in reference_cases()}
     slots = read_program(PROGRAMS / "slots.ngc")
-    found["slots"] = program_path(slots, 0.01, mill()).curve, mill()
+    found["slots"] = program_path(slots, 0.01, mill(), path="separate").curve, mill()
     return found
 
 
@@ -331,7 +331,7 @@ def irregular_program(seed: int, file: Path) -> float:
 def test_the_first_solve_leads_to_no_slower_optimum(tmp_path: Path, seed: int, duration: float) -> None:
     """The durations are those of plans in arc length, of more intervals; a first map of few macros led 0.2 to 8 % above."""
     tolerance = irregular_program(seed, tmp_path / "part.ngc")
-    path = program_path(read_program(tmp_path / "part.ngc"), tolerance, mill())
+    path = program_path(read_program(tmp_path / "part.ngc"), tolerance, mill(), path="separate")
     profile = plan_feedrate(path.curve, mill().for_curve(path.curve), intervals=None)
     assert profile.duration <= duration * (1.0 + 2e-4)
 

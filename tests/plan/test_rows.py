@@ -173,7 +173,7 @@ def test_velocity_and_acceleration_go_on_at_double_knots(name):
 
 def program_of(*blocks):
     """A program, with blends that have a parameter of their own, and feeds that it commands."""
-    return program_path(program(*blocks), 0.05, DRIVES).curve
+    return program_path(program(*blocks), 0.05, DRIVES, path="separate").curve
 
 
 BENDS = (block(40, 0, feed=100.0), block(60, 20, feed=50.0), block(100, 20), block(120, 60, feed=100.0))

@@ -45,7 +45,7 @@ def arc_into_arc() -> Curve:
 
 
 def blended(*blocks: Any) -> Curve:
-    return program_path(program(*blocks), 0.05, drives()).curve
+    return program_path(program(*blocks), 0.05, drives(), path="separate").curve
 
 
 BENDS = (block(40, 0), block(40, 20, feed=50.0), block(60, 30))

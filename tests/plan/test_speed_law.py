@@ -355,7 +355,7 @@ def test_what_is_left_over_beyond_half_a_digit_is_spread():
 def blended():
     """A program with blends, which have a parameter of their own, and breaks."""
     lines = program(line(40, 0, feed=80.0), line(40, 20), line(60, 30), line(90, 30, feed=50.0))
-    return program_path(lines, 0.05, DRIVES).curve
+    return program_path(lines, 0.05, DRIVES, path="separate").curve
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -62,7 +62,7 @@ def test_between_samples_too():
 def test_a_fillet_that_is_a_span_of_its_own_is_passed():
     """A right angle of 20 mm legs rounded within 1 um: the radius is 1.5 um, and stopping would cost 10 ms."""
     machine = DRIVES_XYZ
-    curve = program_path(program(line(20, 0), line(20, 20)), 1e-3, machine).curve
+    curve = program_path(program(line(20, 0), line(20, 20)), 1e-3, machine, path="separate").curve
     limits = machine.for_curve(curve)
     sharpest = float(curve.curvature(np.linspace(*curve.domain, 2_000_001)).max())
     assert 1.0 / sharpest < smallest_radius(limits, ONES)
@@ -103,7 +103,7 @@ SHARP = {
     "rational": lambda: load_curve("butterfly-nurbs"),
     "a formula": lambda: load_curve("hypotrochoid", scale=10.0),
     "a smoothed program": lambda: (
-        program_path(program(line(20, 0), line(20, 0.5), line(0, 0.5), line(0, 1), line(20, 1)), 0.01, DRIVES_XYZ).curve
+        program_path(program(line(20, 0), line(20, 0.5), line(0, 0.5), line(0, 1), line(20, 1)), 0.01, DRIVES_XYZ, path="separate").curve
     ),
 }
 

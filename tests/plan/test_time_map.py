@@ -56,7 +56,7 @@ def test_between_nodes_a_map_is_the_law_where_that_is_one_quintic():
 
 def test_over_a_blend_at_a_constant_rate_every_axis_has_a_constant_jerk():
     """q = V + D1(A (1 - tau)^3) + D2(A (1 + tau)^3), tau' = r: each axis has the jerk 6 A r^3 of its leg."""
-    curve = program_path(program(line(40, 0), line(40, 30)), 0.05, DRIVES).curve
+    curve = program_path(program(line(40, 0), line(40, 30)), 0.05, DRIVES, path="separate").curve
     (section,) = cut(curve, DRIVES, exact_stop=False)
     edges, size = curve.edges[1:3], float(curve.blends.size[0])
     rate = 7.0

@@ -270,7 +270,7 @@ def test_a_law_that_falls_back_says_how_fast():
 
 def test_feeds_that_the_path_commands_are_those_of_each_interval():
     blocks = (block(4, 0, feed=2.0), block(5, 0, feed=4.0), block(10, 0, feed=8.0))
-    path = program_path(program(*blocks), 0.01, drives(np.inf)).curve
+    path = program_path(program(*blocks), 0.01, drives(np.inf), path="separate").curve
     free = Limits(5.0, *[[np.inf] * path.dim] * 3, axes=path.axes)
     u = np.arange(11.0)
     used = utilisation(path, free, TimeLaw(u, u, np.ones(11), np.zeros(11)))

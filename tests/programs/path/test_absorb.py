@@ -335,7 +335,7 @@ def test_windows_absorb_as_the_whole_does(tmp_path, monkeypatch):
     monkeypatch.setattr(parts, "_MIN_BLOCKS", 60)
     source = winding_with_dust()
     path, profile = planned(source, 0.01, PLANE)
-    plan = plan_program(source, PLANE, 0.01, output=tmp_path / "plan.npz")
+    plan = plan_program(source, PLANE, 0.01, output=tmp_path / "plan.npz", path="separate")
     assert plan.ok
     assert plan.duration == pytest.approx(profile.duration, rel=5e-3)
     assert 0.5e-2 < plan.deviation <= 0.01
