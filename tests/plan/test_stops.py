@@ -103,7 +103,12 @@ SHARP = {
     "rational": lambda: load_curve("butterfly-nurbs"),
     "a formula": lambda: load_curve("hypotrochoid", scale=10.0),
     "a smoothed program": lambda: (
-        program_path(program(line(20, 0), line(20, 0.5), line(0, 0.5), line(0, 1), line(20, 1)), 0.01, DRIVES_XYZ, path="separate").curve
+        program_path(
+            program(line(20, 0), line(20, 0.5), line(0, 0.5), line(0, 1), line(20, 1)),
+            0.01,
+            DRIVES_XYZ,
+            path="separate",
+        ).curve
     ),
 }
 
