@@ -97,7 +97,6 @@ def _beyond_axes(run: JointRun, motion: JointMotion, h: FloatArray) -> Iterator[
         ("velocity", velocity, run.velocity),
         ("acceleration", whole, run.acceleration),
         ("jerk", j, run.jerk),
-        ("acceleration of all axes", np.linalg.norm(whole, axis=1)[:, None], np.array([run.bend])),
     ):
         if (worst := (np.abs(value) / limit).max(axis=1)).max() > 1.0 + WITHIN:
             at = int(worst.argmax())

@@ -20,7 +20,7 @@ from planner.geometry.curve import Curve
 from planner.geometry.differential import rates_along
 from planner.inputs import coordinates, shorten
 from planner.law import TimeLaw
-from planner.machine.feed_limits import commanded_feed
+from planner.machine.feed_limits import commanded_feed, osculating_limits
 from planner.machine.limit_rows import limit_rows
 from planner.machine.limits import Limits
 from planner.origin import Origin
@@ -327,7 +327,8 @@ def _binding(
     cubes = None if slowed is None else slowed**3
     core.profile_binding(
         *(n, curve.dim, tip.shape[2], q, tip, law[1:], law[1] ** 3, slowed, cubes),
-        *(commanded_feed(curve, limits, u, left), limits.chord_error, limits.period, len(rows)),
+        *(commanded_feed(curve, limits, u, left), osculating_limits(curve, limits).chord_error),
+        *(limits.period, len(rows)),
         np.array([(*row.weights, row.lower, row.upper) for row in rows], dtype=np.float64).reshape(-1, 5),
         np.array([(row.motion, names.index(row.name)) for row in rows], dtype=np.int64).reshape(-1, 2),
         *(names.index(FEED.label), names.index(CHORD_ERROR.label), BINDING_SHARE, along, binding),

@@ -27,7 +27,7 @@ class Problem:
         d, cube = self.d, self.scale[i] ** 3
         x, u = z[: self.nx], z[self.nx :]
         if self.switches[i]:
-            return np.array([(self.scalars[1] - u[0]) / cube])
+            return np.array([(self.least - u[0]) / cube])
         g, w = x[3 * d] / cube, self.share[i]
         p, v, a = x[:d], x[d : 2 * d], x[2 * d : 3 * d]
         places, speeds = [], []
@@ -48,8 +48,6 @@ class Problem:
             speeds.append(v)
             pace.append(self.pace[i, 0])
             found += self.sided(a, self.axes[1], self.scale[i] ** 2, g ** (2.0 / 3.0))
-            if self.scalars[0] > 0.0:
-                found.append(self.scalars[0] * (a**2).sum() / (self.scale[i] ** 4 * g) - g ** (1.0 / 3.0))
         for by, speed in zip(pace, speeds, strict=True):
             if by > 0.0:
                 found.append(by * (speed**2).sum() / self.scale[i] ** 2 - g ** (2.0 / 3.0))

@@ -3,7 +3,7 @@
 Let t_k be a time at which the motion passes the vertex V_k: |q(t_k) - V_k| <= e_k, in the order of the vertices.  Such times
 exist, since that is what the tolerance says.  In a direction w, s = w.q is a scalar motion with
 
-    |s'| <= V = min(F |w|, sum |w_i| V_i),   |s''| <= A = min(B |w|, sum |w_i| A_i),   |s'''| <= J = sum |w_i| J_i.
+    |s'| <= V = min(F |w|, sum |w_i| V_i),   |s''| <= A = sum |w_i| A_i,   |s'''| <= J = sum |w_i| J_i.
 
 1. **Shortest time of a way.**  From t = 0 to T let s rise by D, with s'(0) <= c0, s''(0) <= a0, s'(T) <= c1 and
    s''(T) >= -a1.  Then s'(t) <= r0(t) = c0 + int min(A, a0 + J t), likewise s'(t) <= r1(T - t), and s' <= V.  Let v follow
@@ -128,7 +128,7 @@ class _Route:
                 for limit in (run.velocity, run.acceleration, run.jerk)
             )
             velocity = np.where(length > 0.0, np.minimum(feed * length, velocity), 0.0)
-            acceleration = np.where(length > 0.0, np.minimum(run.bend * length, acceleration), 0.0)
+            acceleration = np.where(length > 0.0, acceleration, 0.0)
         return np.stack([velocity, acceleration, jerk])
 
     def at_rest(self, k: IntArray) -> BoolArray:

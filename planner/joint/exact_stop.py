@@ -36,7 +36,7 @@ class Mesh:
 def units_of(run: JointRun) -> tuple[float, float]:
     """Units of time, s, and of length, mm."""
     jerk = run.jerk.max()
-    acceleration = min(run.acceleration.max(), run.bend)
+    acceleration = run.acceleration.max()
     time = 0.2 * acceleration / jerk if np.isfinite(acceleration) else np.cbrt(2.0 * np.median(run.tolerance) / jerk)
     return time, jerk * time**3
 
@@ -46,7 +46,7 @@ def limits_along(run: JointRun, leg: int) -> tuple[float, float, float]:
     share = np.abs(run.legs.vectors[leg, 3])
     with np.errstate(divide="ignore"):
         velocity, acceleration, jerk = ((limit / share).min() for limit in (run.velocity, run.acceleration, run.jerk))
-    return min(velocity, run.feed[leg]), min(acceleration, run.bend), jerk
+    return min(velocity, run.feed[leg]), acceleration, jerk
 
 
 def stopping_motion(run: JointRun, slowed: float) -> Mesh:
@@ -95,14 +95,14 @@ def _along_bend(run: JointRun, leg: int, slowed: float) -> tuple[_Phases, FloatA
         speed = min(
             run.feed[leg],
             (run.velocity / first).min(),
-            np.sqrt(0.6 * np.minimum(run.acceleration, run.bend) / second).min(),
+            np.sqrt(0.6 * run.acceleration / second).min(),
             np.cbrt(0.5 * run.jerk / third).min(),
         )
-        acceleration = 0.6 * (np.minimum(run.acceleration, run.bend) / first).min()
+        acceleration = 0.6 * (run.acceleration / first).min()
         durations, jerks = seven_phases(length, speed, acceleration, 0.4 * (run.jerk / first).min())
     total = durations.sum()
     finest = (_FOLLOWED * run.tolerance[leg] * run.legs.radius(row)[0] ** 3 / speed**4) ** 0.25
-    finest = min(finest, 1.0 * units_of(run)[0])
+    finest = min(finest, units_of(run)[0])
     phases = _phases(run, leg, total, max(3, int(np.ceil(total / (_PER_MIDDLE * finest)))))
     width = np.concatenate([time * shares for time, shares in phases])
     s = along(durations, jerks, np.concatenate([[0.0], np.cumsum(width)]))[0]
@@ -112,8 +112,7 @@ def _along_bend(run: JointRun, leg: int, slowed: float) -> tuple[_Phases, FloatA
     jerk = np.diff(a, axis=0) / width[:, None]
     used = [np.abs(new / limit).max() for new, limit in ((a, run.acceleration), (jerk, run.jerk), (v, run.velocity))]
     fast = max(used[2], np.sqrt((v**2).sum(axis=1)).max() / run.feed[leg])
-    bent = np.sqrt((a**2).sum(axis=1)).max() / run.bend
-    slower = max(slowed, fast / 0.95, (max(used[0], bent) / 0.9) ** 0.5, (used[1] / 0.85) ** (1.0 / 3.0))
+    slower = max(slowed, fast / 0.95, (used[0] / 0.9) ** 0.5, (used[1] / 0.85) ** (1.0 / 3.0))
     a[[0, -1]] = 0.0
     return phases, np.stack([p, v / slower, a / slower**2]), jerk / slower**3, slower
 

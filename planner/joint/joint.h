@@ -5,8 +5,8 @@
  * duration, leg (n) that the segment runs along.  legs: vectors (legs, 4, d), rates (legs, 2) and lengths (legs), as in
  * geometry/blend.py.  near (n, 2): 1 / distance^2 that is allowed at the start of each segment, and within it; pace (n, 2):
  * 1 / speed^2, 0 for none.  walls (legs, d + 2), NULL where both sides of the legs are allowed: the unit normal of each leg, a line, that
- * points to its allowed side, 0 for none, and whether the motion along it keeps to the allowed sides of the legs before and after too.  axes (3, d): 1 / limit of velocity (0: none), acceleration (0: none) and jerk; scalars (2): 1 /
- * acceleration^2 of all axes together (0: none), and the cube of the least duration of a phase.  All in one system of units in which
+ * points to its allowed side, 0 for none, and whether the motion along it keeps to the allowed sides of the legs before and after too.  axes (3, d): 1 / limit of velocity (0: none), acceleration (0: none) and jerk; least: the
+ * cube of the least duration of a phase.  All in one system of units in which
  * the jerk limits are near 1.
  *
  * x (n + 1, 3d + 1): position p, V = v T, A = a T^2 and c = T^3 before each stage and after the last; u (n, d): j T^3 of a segment,
@@ -25,7 +25,7 @@ int64_t joint_work(const int64_t *sizes);
  * violation, distance of the last state from the target, iterations. */
 int64_t joint_solve(const int64_t *sizes, const uint8_t *switches, const double *share, const double *scale,
                     const int64_t *leg, const double *vectors, const double *rates, const double *lengths,
-                    const double *near, const double *pace, const double *walls, const double *axes, const double *scalars,
+                    const double *near, const double *pace, const double *walls, const double *axes, double least,
                     const double *target, double gap, double start, double open, int64_t most, double *x, double *u,
                     double *work, double *found);
 
@@ -34,7 +34,7 @@ int64_t joint_solve(const int64_t *sizes, const uint8_t *switches, const double 
  * where the system is not positive definite.  For its test. */
 int64_t joint_newton(const int64_t *sizes, const uint8_t *switches, const double *share, const double *scale,
                      const int64_t *leg, const double *vectors, const double *rates, const double *lengths,
-                     const double *near, const double *pace, const double *walls, const double *axes, const double *scalars,
+                     const double *near, const double *pace, const double *walls, const double *axes, double least,
                      const double *target, double start, const double *aim, double *x, double *u, double *work,
                      const double *prices, const double *price, double *dx, double *du);
 

@@ -24,7 +24,7 @@ typedef struct {
     const double *vectors, *rates, *lengths;
     const double *near, *pace, *walls;
     const double *velocity, *acceleration, *jerk;
-    double bend, least;
+    double least;
     const double *target;
 } Problem;
 

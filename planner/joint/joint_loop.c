@@ -201,11 +201,11 @@ static int find_step(const Problem *problem, const Iterate *it, Aim *aim, Stride
 
 int64_t joint_solve(const int64_t *sizes, const uint8_t *switches, const double *share, const double *scale,
                     const int64_t *leg, const double *vectors, const double *rates, const double *lengths,
-                    const double *near, const double *pace, const double *walls, const double *axes, const double *scalars,
+                    const double *near, const double *pace, const double *walls, const double *axes, double least,
                     const double *target, double gap, double start, double open, int64_t most, double *x, double *u,
                     double *work, double *found) {
     const Problem problem = {sizes[0], sizes[1], switches, share, scale, leg, vectors, rates, lengths, near, pace,
-                             walls, axes, axes + sizes[0], axes + 2 * sizes[0], scalars[0], scalars[1], target};
+                             walls, axes, axes + sizes[0], axes + 2 * sizes[0], least, target};
     const Iterate it = iterate_of(&problem, x, u, work);
     set_out(&problem, &it, start);
     Standing now = stand(&problem, &it);
@@ -242,11 +242,11 @@ int64_t joint_solve(const int64_t *sizes, const uint8_t *switches, const double 
 
 int64_t joint_newton(const int64_t *sizes, const uint8_t *switches, const double *share, const double *scale,
                      const int64_t *leg, const double *vectors, const double *rates, const double *lengths,
-                     const double *near, const double *pace, const double *walls, const double *axes, const double *scalars,
+                     const double *near, const double *pace, const double *walls, const double *axes, double least,
                      const double *target, double start, const double *aim, double *x, double *u, double *work,
                      const double *prices, const double *price, double *dx, double *du) {
     const Problem problem = {sizes[0], sizes[1], switches, share, scale, leg, vectors, rates, lengths, near, pace,
-                             walls, axes, axes + sizes[0], axes + 2 * sizes[0], scalars[0], scalars[1], target};
+                             walls, axes, axes + sizes[0], axes + 2 * sizes[0], least, target};
     const Iterate it = iterate_of(&problem, x, u, work);
     const int64_t d = sizes[0], n = sizes[1], nx = 3 * d + 1;
     const Aim wanted = {aim[0], aim[1], aim[2]};

@@ -6,7 +6,6 @@
        side       -sqrt(near) n (p - vertex), n the normal to the allowed side of a leg
        feed       pace |V|^2 / scale^2 - g^(2/3)
        axes       +-V_k / (V_k max scale) - g^(1/3),  +-A_k / (A_k max scale^2) - g^(2/3),  +-U_k / (J_k max scale^3) - g
-       bend       |A|^2 / (bend^2 scale^4 g) - g^(1/3)
    All are convex.  Accelerations are linear on a segment, so that their rows stand at nodes alone.  The row of a switch keeps the
    next duration from 0. */
 #include "joint.h"
@@ -15,14 +14,14 @@
 enum { VALUES, CHANGES, CONDENSE }; /* what is done with the rows */
 
 /* Gradient: scale times the vector (scale in the axis, if it is not -1), and by_c.  Hessian: hessian times curve (the identity, if
-   NULL), mixed times the vector with c, and bend_c. */
+   NULL), and bend_c. */
 typedef struct {
     int axis;
     double scale, value, by_c;
     const double *vector;
     double hessian;
     const double *curve;
-    double mixed, bend_c;
+    double bend_c;
 } Row;
 
 /* A segment: its iterate and step, g and its root, 1 / c, and where its rows are. */
@@ -96,7 +95,7 @@ INLINE double squared(int d, const double *a) {
 
 INLINE void add_to_sums(int d, const Row *row, double weight, double push, double dual, Place *place) {
     double *const h = place->hessian;
-    const double by = weight * row->scale, mixed = by * row->by_c + dual * row->mixed;
+    const double by = weight * row->scale, mixed = by * row->by_c;
     if (row->axis >= 0) {
         const int k = row->axis;
         h[k * d + k] += by * row->scale;
@@ -201,22 +200,6 @@ INLINE void add_feed(int d, int task, Segment *on, Place *place, double pace) {
     take_row(d, task, on, place, row);
 }
 
-INLINE void add_bend(int d, int task, Segment *on, Place *place, double bend) {
-    if (!(bend > 0.0)) return;
-    const Power power = power_of(on, 1);
-    const double by = bend / (square(square(on->scale)) * on->g), per_c = on->per_c;
-    const double value = by * squared(d, place->y);
-    const Row row = {.axis = -1,
-                     .scale = 2.0 * by,
-                     .value = value - power.value,
-                     .by_c = -value * per_c - power.once,
-                     .vector = place->y,
-                     .hessian = 2.0 * by,
-                     .mixed = -2.0 * by * per_c,
-                     .bend_c = 2.0 * value * per_c * per_c - power.twice};
-    take_row(d, task, on, place, row);
-}
-
 /* Whether the node before a stage is given, so that it has no rows: the first stage is a switch, the second its first segment. */
 INLINE int is_given(int64_t i) { return i < 2; }
 
@@ -290,7 +273,6 @@ INLINE void go_through(const Problem *problem, int d, int task, int64_t i, const
     if (!is_given(i)) {
         place = node_of(d, task, on, ACCELERATION);
         add_axes(d, task, on, &place, problem->acceleration);
-        add_bend(d, task, on, &place, problem->bend);
         close_place(d, task, on, &place);
     }
     place = node_of(d, task, on, JERK);

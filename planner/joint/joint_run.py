@@ -40,8 +40,6 @@ class JointRun:
         Where the motion may leave each block to: 1 to its left alone, -1 to its right alone, 0 to both; both if left out.
     plane : (int, int)
         The axes of the plane in which left and right are meant.
-    bend : float
-        Largest acceleration of all axes together, mm/s^2: sufficient for a chord error; inf for none.
     """
 
     legs: Legs
@@ -51,7 +49,6 @@ class JointRun:
     velocity: FloatArray
     acceleration: FloatArray
     jerk: FloatArray
-    bend: float = np.inf
     side: NDArray[np.int8] | None = None
     plane: tuple[int, int] = (0, 1)
 

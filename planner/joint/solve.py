@@ -4,7 +4,7 @@ The motion q(t) is sought directly, as a function of time.  Block k is cut into 
 these into *segments*, a given share w of the phase each, on which the jerk j is constant.
 
     minimise    sum of the T
-    so that     |j_k| <= J_k,  |a_k| <= A_k,  |a| <= bend
+    so that     |j_k| <= J_k,  |a_k| <= A_k
                 |v| <= F,  |v_k| <= V_k,  dist(p, block) <= e
                 |p - vertex| <= e                               at the node where a block ends
                 p, v, a given at the start and at the end.
@@ -140,7 +140,6 @@ class _Scaled:
             [speed / run.velocity, speed / self.time / run.acceleration, speed / self.time**2 / run.jerk]
         )
         self.axes[0, run.velocity >= run.feed.max()] = 0.0
-        self.scalars = np.array([(speed / self.time / run.bend) ** 2, _SHORTEST**3])
         after = np.flatnonzero(np.diff(mesh.leg)) + 2  # the segments that begin at vertices
         self.bent = run.legs.curved[mesh.leg]
         reach = run.tolerance[mesh.leg] * np.where(self.bent, 1.0 - _BULGE, 1.0 - _MARGIN)
@@ -174,8 +173,9 @@ class _Scaled:
         for once in range(_MAX_PASSES):
             near, pace = (self.length / self.reach[stages]) ** 2, (speed / self.pace[stages]) ** 2
             status = core.joint_solve(
-                *(sizes, switches, share, self.scale[stages], *legs, near, pace, self.walls, self.axes, self.scalars),
-                *(self.target[last], _GAP, _AGAIN if once else product, opened, _MAX_ITERATIONS, x, u, work, found),
+                *(sizes, switches, share, self.scale[stages], *legs, near, pace, self.walls, self.axes),
+                *(_SHORTEST**3, self.target[last], _GAP, _AGAIN if once else product, opened, _MAX_ITERATIONS),
+                *(x, u, work, found),
             )
             count += int(found[5])
             if status:
@@ -241,7 +241,7 @@ def _end_of_window(run: JointRun, leg: int, kept: int) -> int:
     if n - leg <= _REST:
         return n
     speed = min(run.feed.max(), float(np.sqrt((run.velocity**2).sum())))
-    acceleration, jerk = min(run.acceleration.min(), run.bend), run.jerk.min()
+    acceleration, jerk = run.acceleration.min(), run.jerk.min()
     acceleration = min(acceleration, np.sqrt(speed * jerk)) if np.isfinite(speed) else acceleration
     way = speed * (speed / acceleration + acceleration / jerk) if np.isfinite(speed) else np.inf
     beyond = np.cumsum(run.lengths[kept : kept + _MAX_BEYOND])

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from planner.errors import InputError
 from planner.geometry.chord import half_chord
-from planner.geometry.curve import Curve
+from planner.geometry.curve import ROTARY_AXES, Curve
 from planner.geometry.differential import curvature_vector, norm
 from planner.inputs import positive_number
 from planner.machine.limits import Limits, require_limits
@@ -120,3 +120,24 @@ def chord_feed_limit(curvature: FloatArray, limits: Limits) -> FloatArray:
     if np.isinf(limits.chord_error):
         return np.full(curvature.shape, np.inf)
     return np.asarray(2.0 / limits.period * half_chord(curvature, limits.chord_error))
+
+
+def largest_chord_error(curve: Curve, limits: Limits) -> float:
+    """Distance, mm, that the path leaves its chords of one period by at most, by the accelerations alone.
+
+    A linear interpolation over T of a function whose second derivative is at most A is off by A T^2 / 8.  Velocities are
+    continuous: in a corner a plan stops.
+    """
+    linear = [axis not in ROTARY_AXES for axis in curve.axes]
+    return float(norm(limits.acceleration[linear])) * limits.period**2 / 8.0
+
+
+def osculating_limits(curve: Curve, limits: Limits) -> Limits:
+    """The limits, without a chord error where the feed of the osculating circle would ask for more than it.
+
+    In a bend tighter than the chord error that feed is not the chord's.  A path that was found with its feed has such bends,
+    in sharp turns; where the accelerations alone keep every chord nothing need be asked for.
+    """
+    if curve.timing is None or largest_chord_error(curve, limits) > limits.chord_error:
+        return limits
+    return limits.without_chord_error()

@@ -207,6 +207,10 @@ class Limits:
         """Return the same limits without any of the jerk."""
         return self._replace(jerk=np.full_like(self.jerk, np.inf), tangential_jerk=np.inf)
 
+    def without_chord_error(self) -> Limits:
+        """Return the same limits with any chord error allowed."""
+        return self._replace(chord_error=np.inf)
+
     def with_axes(self, axes: Sequence[str], **rows: ArrayLike) -> Limits:
         """Return the same limits for other axes; ``rows`` by the keys of what is limited on an axis."""
         return self._replace(**rows, axes=axes)

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.geometry.chord import distance_to_chord
-from planner.geometry.curve import ROTARY_AXES, Curve
-from planner.geometry.differential import norm
+from planner.geometry.curve import Curve
 from planner.law import TimeLaw
+from planner.machine.feed_limits import largest_chord_error
 from planner.machine.limits import Limits
 from planner.types import FloatArray
 from planner.verify.chords import CHORD_PARTS, profile_chord
@@ -34,16 +34,6 @@ _MAX_POINTS = 1_000_000
 _POINTS = 24  # of an interval, as many as the check has
 # Of the acceleration limits: a section that may be slowed down keeps them, but for a millionth.
 _ROOM = 2.0
-
-
-def largest_chord_error(curve: Curve, limits: Limits) -> float:
-    """Distance, mm, that the path leaves its chords of one period by at most, by the accelerations alone.
-
-    A linear interpolation over T of a function whose second derivative is at most A is off by A T^2 / 8.  Velocities are
-    continuous: in a corner a plan stops.
-    """
-    linear = [axis not in ROTARY_AXES for axis in curve.axes]
-    return float(norm(limits.acceleration[linear])) * limits.period**2 / 8.0
 
 
 def chord_shares(curve: Curve, limits: Limits, law: TimeLaw) -> tuple[FloatArray, FloatArray]:

@@ -15,6 +15,7 @@ from itertools import pairwise
 from planner.errors import InputError
 from planner.geometry.curve import Curve
 from planner.law import TimeLaw, Timing
+from planner.machine.feed_limits import osculating_limits
 from planner.machine.limits import Limits
 from planner.plan.bounds import SectionBound
 from planner.plan.dual.problem import Pace
@@ -123,4 +124,5 @@ class TimedBound:
     def __call__(self) -> float:
         """Compute the bound, s."""
         law, section = self.law, self.cut.whole[self.number]
-        return SectionBound(section, self.cut.limits, law.t.size - 1, Pace(law.u, law.t))()
+        limits = osculating_limits(self.cut.curve, self.cut.limits)
+        return SectionBound(section, limits, law.t.size - 1, Pace(law.u, law.t))()

@@ -21,6 +21,7 @@ from planner.machine.limits import Limits
 from planner.profile import BINDING_SHARE, FeedrateProfile
 from planner.quantity import CHORD_ERROR, FEED, NONE, with_label
 from planner.types import FloatArray, IntArray
+from planner.verify.kept_chords import without_kept_chords
 from planner.verify.motion import Quintics, measure_points
 from planner.verify.quantities import names
 from planner.verify.scan import machine_caps
@@ -122,7 +123,7 @@ class Nodes:
             caps = np.minimum(machine_caps(curve.feed_caps, limits).at(u, sides), curve.feed_caps.at(u, sides))
         slowed = _slowed(profile) if profile.slowed else np.float64(1.0)
         # Of the chord its length, not its error.
-        chord = _chord_share(self.bend, feed * limits.period, limits.chord_error)
+        chord = _chord_share(self.bend, feed * limits.period, without_kept_chords(self.curve, limits).chord_error)
         rows = [(row, with_label(name), j) for row, (name, j) in enumerate(names(curve.dim))]
         others = [(row, quantity, j) for row, quantity, j in rows if quantity is not None and quantity is not FEED]
         labels = [NONE, FEED.label, CHORD_ERROR.label]

@@ -97,7 +97,6 @@ def test_a_planted_defect_is_found(name):
         ({"acceleration": np.array([1000.0, 1000.0, 300.0])}, "acceleration 3.33"),
         ({"jerk": np.array([20000.0, 2000.0, 20000.0])}, "jerk "),
         ({"feed": np.array([100.0, 20.0, 100.0])}, "of the feed"),
-        ({"bend": 900.0}, "acceleration of all axes"),
     ],
 )
 def test_a_limit_is_held(limits, said):

@@ -35,7 +35,7 @@ def instance(seed: int, d: int, *, sided: bool = False) -> tuple[Problem, np.nda
         near=rng.uniform(0.5, 2.0, (n, 2)),
         pace=rng.uniform(0.1, 0.3, (n, 2)) * [1.0, rng.integers(2)],
         axes=np.stack([rng.uniform(0.1, 0.3, d) * rng.integers(2, size=d), rng.uniform(0.1, 0.3, d), np.ones(d)]),
-        scalars=np.array([0.05 * rng.integers(2), 1e-4]),
+        least=1e-4,
         walls=walls_of(legs, d, sided),
         target=np.concatenate([legs.vectors[-1, 0] + length[-1] * legs.vectors[-1, 3], np.zeros(2 * d)]),
     )
@@ -58,7 +58,7 @@ def test_a_newton_step_is_that_of_the_whole_system(seed: int, d: int, sided: boo
     dx, du = np.zeros_like(x), np.zeros_like(u)
     done = core.joint_newton(
         *(sizes, problem.switches, problem.share, problem.scale, problem.leg, problem.vectors),
-        *(np.zeros((2, 2)), problem.lengths, problem.near, problem.pace, problem.walls, problem.axes, problem.scalars),
+        *(np.zeros((2, 2)), problem.lengths, problem.near, problem.pace, problem.walls, problem.axes, problem.least),
         *(problem.target, 0.05, aim, x.copy(), u.copy(), np.empty(core.joint_work(sizes)), prices, price, dx, du),
     )
     assert done
@@ -73,7 +73,7 @@ def test_without_holding_durations_an_indefinite_system_is_refused() -> None:
     sizes = np.array([2, problem.n, 2])
     given = (
         *(sizes, problem.switches, problem.share, problem.scale, problem.leg, problem.vectors),
-        *(np.zeros((2, 2)), problem.lengths, problem.near, problem.pace, problem.walls, problem.axes, problem.scalars),
+        *(np.zeros((2, 2)), problem.lengths, problem.near, problem.pace, problem.walls, problem.axes, problem.least),
     )
     rest = (np.empty(core.joint_work(sizes)), np.zeros_like(x), np.zeros(6), np.zeros_like(x), np.zeros_like(u))
     for hold, possible in ((0.0, 0), (100.0, 1)):

@@ -8,8 +8,9 @@ from cases import DRIVES, MILL, line, square
 
 from planner import Limits, load_curve, load_limits, plan_feedrate
 from planner.geometry.nurbs import NurbsCurve
+from planner.machine.feed_limits import largest_chord_error
 from planner.plan import chord_errors
-from planner.plan.chord_errors import highest_chord, largest_chord_error, slowed_for_chords
+from planner.plan.chord_errors import highest_chord, slowed_for_chords
 from planner.verify.chords import profile_chord
 
 FREE = np.array([True])

@@ -1,5 +1,6 @@
 """A feed that was found with its path is taken under the limits it was found for, and under no others."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -8,9 +9,11 @@ from cases import drives
 from program_blocks import line, program
 
 from interp import replay
-from planner import InputError, SolverError, certify, check, plan_feedrate
+from planner import InputError, SolverError, certify, check, feedrate_limits, load_curve, plan_feedrate
 from planner.law import TimeLaw, Timing
+from planner.machine.feed_limits import osculating_limits
 from planner.programs.path.smooth_path import program_path
+from planner.verify.certificate import verify_plan_bound
 
 LIMITS = drives(dim=3, axes=("X", "Y", "Z"))
 TWO_RUNS = program(line(10, 0), line(10, 10), line(20, 10, stop=True), line(20, 20), line(30, 20), tolerance=0.02)
@@ -133,3 +136,38 @@ def test_where_a_stop_is_demanded_it_stops():
     assert check(curve, limits, profile).ok
     at = np.flatnonzero(profile.u == curve.stops[0])
     assert profile.u_acceleration[at].tolist() == [0.0, 0.0]
+
+
+@pytest.mark.parametrize("degrees", [165.0, 176.0, 179.7])
+def test_a_turn_tighter_than_the_chord_error_is_bounded_by_what_the_check_measures(degrees):
+    """The feed of the osculating circle would be below that of a plan that keeps every chord."""
+    angle = np.deg2rad(degrees)
+    limits = replace(LIMITS, chord_error=1e-3, period=1e-3)
+    end = line(12 + 12 * np.cos(angle), 12 * np.sin(angle))
+    path = program_path(program(line(12, 0), end, tolerance=1e-3), None, limits)
+    own = limits.for_curve(path.curve)
+    profile = plan_feedrate(path.curve, own)
+    assert path.counts["joint"] == 1
+    states = profile.at(np.linspace(0.0, profile.duration, 20_001)[1:-1])
+    assert (states.feed > 1.2 * feedrate_limits(path.curve, own, states.u).chord_error).any()
+    assert check(path.curve, own, profile).ok
+    assert profile.lower_bound <= profile.duration <= 1.001 * profile.lower_bound
+    bound = certify(path.curve, own, profile)
+    assert "chord" not in bound.statement
+    found = verify_plan_bound(path.curve, own, bound.certificate, profile)
+    assert found.ok
+    assert "chord" not in found.statement
+    assert found.proved == pytest.approx(bound, rel=1e-6)
+    assert "chord error" not in {profile.limit_names[k] for k in profile.binding}
+
+
+def test_where_accelerations_do_not_keep_the_chords_their_feed_counts():
+    curve, _ = given()
+    least = np.sqrt(2.0) * 1000.0 * 1e-3**2 / 8.0
+    loose, tight = (
+        replace(LIMITS, chord_error=share * least, period=1e-3).for_curve(curve) for share in (1.0001, 0.9999)
+    )
+    assert np.isinf(osculating_limits(curve, loose).chord_error)
+    assert osculating_limits(curve, tight) == tight
+    alone = load_curve("teardrop")
+    assert osculating_limits(alone, loose.for_curve(alone)) == loose.for_curve(alone)

@@ -16,14 +16,14 @@ from numpy.typing import NDArray
 
 from planner.errors import SolverError
 from planner.geometry.chain import Kind
-from planner.geometry.curve import AXES
+from planner.geometry.curve import AXES, ROTARY_AXES
 from planner.geometry.differential import dot
 from planner.joint.joint_run import JointMotion, JointRun
 from planner.joint.solve import solve_run
 from planner.machine.limits import Limits
 from planner.programs.path.corners import Junction, Junctions
 from planner.programs.path.joint_pieces import JointPart, feet, pieces_of
-from planner.programs.path.moves import MovingBlocks
+from planner.programs.path.moves import MovingBlocks, scale_of
 from planner.programs.path.sides import AllowedSides
 from planner.programs.reading.program import FEED_GROUPS
 from planner.quantity import AXIS
@@ -208,9 +208,10 @@ def reason_of_machine(limits: Limits) -> str:
     reason = _reason_of_limits(limits)
     if reason:
         return reason
-    if _bend_for_chords(limits) < np.inf:
+    if _may_exceed_chords(limits):
         return "the chord error limits the acceleration to less than the axes do"
-    if limits.jerk.max() > _MAX_APART * limits.jerk.min():
+    jerk = limits.jerk * scale_of(limits.axes)
+    if jerk.max() > _MAX_APART * jerk.min():
         return f"the jerk limits of its axes are more than {_MAX_APART:g} times apart"
     return ""
 
@@ -225,10 +226,11 @@ def _reason_of_limits(limits: Limits) -> str:
     return ""
 
 
-def _bend_for_chords(limits: Limits) -> float:
-    """What an acceleration across the path must be below for the chord error, mm/s^2; inf where the axes keep it anyway."""
-    bend = 8.0 * limits.chord_error / limits.period**2
-    return bend if bend < float(np.sqrt(np.sum(limits.acceleration**2))) else np.inf
+def _may_exceed_chords(limits: Limits) -> bool:
+    """Whether the accelerations of the axes let the chord error be exceeded; on a curve ``osculating_limits`` tells."""
+    linear = [axis not in ROTARY_AXES for axis in limits.axes]
+    most = float(np.sqrt(np.sum(limits.acceleration[linear] ** 2)))
+    return most * limits.period**2 / 8.0 > limits.chord_error
 
 
 def _reason_of_blocks(blocks: MovingBlocks, kind: NDArray[np.int8], first: int, last: int) -> str:
@@ -333,8 +335,7 @@ def _within_limits(blocks: MovingBlocks, first: int, limits: Limits, run: JointR
     velocity = np.where(inside, np.maximum(velocity, peak), velocity)
     feed = _feed(blocks, first, motion)
     cap = _caps(blocks, limits)[first + motion.leg]
-    bend = np.sqrt(dot(motion.acceleration, motion.acceleration))
-    acceleration = max(float((np.abs(motion.acceleration) / run.acceleration).max()), float(bend.max()) / run.bend)
+    acceleration = float((np.abs(motion.acceleration) / run.acceleration).max())
     jerk = float((np.abs(motion.jerk) / run.jerk).max())
     speed = max(float((velocity / run.velocity).max()), float((feed / cap).max()))
     excess = max(1.0, speed, float(np.sqrt(acceleration)), float(np.cbrt(jerk)))

@@ -11,6 +11,7 @@ advance in the moves that are measured along them alone.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -29,6 +30,11 @@ _TURNS_BACK = np.cos(np.deg2rad(150.0))  # of the path the feed is measured on: 
 # Where the feed begins to be measured along other axes, by how much these may move faster or slower for a length of
 # path: in a corner both count, and its speed would have to fall so far within it that no grid of a plan follows.
 _MAX_UNEVEN = 4.0
+
+
+def scale_of(axes: Sequence[str]) -> FloatArray:
+    """What the coordinates of axes in mm and rad are multiplied by where they are taken together, a degree as a mm."""
+    return np.array([DEGREES if name in ROTARY_AXES else 1.0 for name in axes])
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +77,7 @@ class ProgramAxes:
     @property
     def scale(self) -> FloatArray:
         """What their coordinates in mm and rad are multiplied by where they are taken together, a degree as a mm."""
-        return np.array([DEGREES if name in ROTARY_AXES else 1.0 for name in self.names])
+        return scale_of(self.names)
 
 
 @dataclass(frozen=True, eq=False)

@@ -45,6 +45,7 @@ from planner.verify.certificate.multipliers import Multipliers, require_increasi
 from planner.verify.certificate.pathspeeds import Flags, path_points
 from planner.verify.certificate.quadrature import SectionPath, Stretches, stretches_of
 from planner.verify.certificate.shapes import require_valid
+from planner.verify.kept_chords import without_kept_chords
 from planner.verify.places import Places
 from planner.verify.sizes import EPS, ON_KNOT
 
@@ -131,7 +132,7 @@ def verify_bound(curve: Curve, limits: Limits, certificate: Certificate) -> Boun
         If the certificate is for another curve, does not cover it, has a section that passes a corner or a knot of the
         curve without one of its own, or holds arrays that are no multipliers.
     """
-    limits = require_limits(curve, limits)
+    limits = without_kept_chords(curve, require_limits(curve, limits))
     require_instance(certificate, Certificate, "certificate")
     require_valid(certificate, curve)
     places = Places.of(curve)

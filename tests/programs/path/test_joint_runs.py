@@ -7,11 +7,11 @@ import pytest
 from cases import PROGRAMS, drives
 from program_blocks import arc, line, polyline, program, rapid
 
-from planner import check, plan_feedrate
+from planner import Limits, check, plan_feedrate
 from planner.errors import SolverError
 from planner.geometry.chain import Kind
 from planner.programs.path import joint_runs
-from planner.programs.path.joint_runs import find_runs
+from planner.programs.path.joint_runs import find_runs, reason_of_machine
 from planner.programs.path.moves import MovingBlocks
 from planner.programs.path.separate_path import classified
 from planner.programs.path.smooth_path import program_path
@@ -242,3 +242,20 @@ def test_an_arc_by_itself_keeps_the_chord_error_and_a_line_need_not():
     assert path.notes == (
         "lines 2 to 2 are made separately from the feed: the chord error limits the acceleration to less than the axes do",
     )
+
+
+@pytest.mark.parametrize(("jerk", "joint"), [(50.0, 1), (2.0, 0)])
+def test_the_jerks_of_axes_are_compared_as_they_count_a_degree_as_a_mm(jerk, joint):
+    """50 rad/s^3 are 2865 degrees/s^3, a seventh of the 20 000 mm/s^3 beside; 2 are too little."""
+    axes = ("X", "Y", "A")
+    limits = Limits(100.0, [250.0, 250.0, 2.0], [1000.0, 1000.0, 5.0], [20000.0, 20000.0, jerk], axes=axes)
+    path, _ = planned(program(line(10, 0, 0, 5), line(10, 10, 0, 10)), limits)
+    assert path.counts["joint"] == joint
+    assert joint or "more than 100 times apart" in path.notes[0]
+
+
+def test_an_axis_that_turns_does_not_count_for_the_chord_error():
+    axes = ("X", "Y", "A")
+    limits = Limits(100.0, [250.0] * 3, [1000.0, 1000.0, 1e6], [20000.0, 20000.0, 1000.0], 2e-4, 1e-3, axes=axes)
+    assert reason_of_machine(limits) == ""
+    assert "chord error" in reason_of_machine(replace(limits, chord_error=1.7e-4))
