@@ -34,10 +34,9 @@ class Mesh:
 
 
 def units_of(run: JointRun) -> tuple[float, float]:
-    """Units of time, s, and of length, mm."""
-    jerk = run.jerk.max()
-    acceleration = run.acceleration.max()
-    time = 0.2 * acceleration / jerk if np.isfinite(acceleration) else np.cbrt(2.0 * np.median(run.tolerance) / jerk)
+    """Units of time, s, a fifth of what the first axis takes to its acceleration, and of length, mm."""
+    jerk, rise = run.jerk.max(), (run.acceleration / run.jerk).min()
+    time = 0.2 * rise if np.isfinite(rise) else np.cbrt(2.0 * np.median(run.tolerance) / jerk)
     return time, jerk * time**3
 
 
