@@ -59,13 +59,11 @@ _ATTEMPTS = ((1.05, 3e-2), (1.3, 1e-1))  # how much the start is slowed; product
 _AGAIN = 3e-3  # that product where the start is a solution
 _OPEN = 30.0  # largest defect on the way, of the tolerance
 _MAX_PASSES = 10
-_BETWEEN = 16  # parts of a segment at which it is measured
+_BETWEEN = 32  # parts of a segment at which it is measured
 _MARGIN = 1e-5  # of the tolerance: closing the last defects moves by less
 _BULGE = 1e-3  # of the tolerance, by which a motion may be further off an arc between the points that have rows
 _AIM = 0.998  # at what was beyond the feed; the more so from pass to pass
-_UNSEEN = (
-    1e-4  # of the tolerance, by which the motion may be further off an arc between the places where it is measured
-)
+_UNSEEN = 1e-4  # of the tolerance, by which the motion may be further off an arc between these places
 _MORE = 1.5  # times as much as a motion was beyond the tolerance
 _MAX_SPEED = 1e-7  # relative excess of the feed
 _SETTLED = 20.0  # in units of time, the shortest part of the motion that is corrected by itself
