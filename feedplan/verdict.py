@@ -93,7 +93,7 @@ class Verdict(Tabular):
         said = "every limit holds" if self.holds else "LIMIT BROKEN"
         # A bound says how near the optimum a plan is only where the plan holds, and somebody computed the bound.
         known = self.holds and self.claim in {Claim.COMPUTED, Claim.CERTIFIED} and self.gap >= -BOUND_TOLERANCE
-        gap = f", at most {percent(max(self.gap, 0.0), 2)} above the optimum" if known else ""
+        gap = f", at most {percent(max(self.gap, 0.0), 2)} above the optimum on its path" if known else ""
         if self.holds and not self.ok:
             said += ", but its lower bound does not"
         return f"Verdict({self.profile.curve.name}: {self.profile.duration:.6g} s{gap};\n        {said})"

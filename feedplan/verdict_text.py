@@ -119,9 +119,8 @@ def _any_path(verdict: Verdict) -> list[str]:
     if math.isnan(verdict.any_path):
         return []
     less = percent(max(1.0 - verdict.any_path / verdict.profile.duration, 0.0), 2)
-    return named(
-        "any path", f"{verdict.any_path:.6g} s; no motion within the tolerance takes less: {less} at most is left"
-    )
+    said = "no motion within the tolerance and with the same stops takes less"
+    return named("any path", f"{verdict.any_path:.6g} s; {said}: {less} at most is left")
 
 
 def fact_lines(facts: Iterable[tuple[str, str]]) -> list[str]:
