@@ -38,6 +38,7 @@ ORDER = (
     "planner.verify",
     "planner.plan",
     "planner.programs",
+    "planner.controllers",
     "planner.output",
     "interp",
     "feedplan",
@@ -47,6 +48,14 @@ APART = {
     "planner.verify": ("planner.plan",),
     "interp": ("planner.verify", "planner.plan", "planner.programs", "planner.output"),
     "planner.geometry": ("planner.files",),
+    "planner.controllers": (
+        "planner.plan",
+        "planner.joint",
+        "planner.verify",
+        "planner.programs.path",
+        "planner.programs.long",
+        "planner.output",
+    ),
 }
 DOORS = ("planner", "interp", "feedplan")  # they hand names on, each loaded when it is first used
 HEAVY = ("casadi", "ezdxf", "toppra", "ruckig", "matplotlib", "scipy", "click", "rich", "pandas")
