@@ -57,6 +57,7 @@ def program(*moves, start=(0.0, 0.0, 0.0), feed=100.0, tolerance=np.nan):
         stop_after=np.array([move.get("stop", False) for move in moves]),
         tolerance=np.array([move.get("tolerance", tolerance) for move in moves], dtype=float),
         naive_tolerance=np.full(count, np.nan),
+        modal_feed=np.array([move.get("feed", feed) for move in moves], dtype=float),
         events=(),
         zero_lines=np.empty(0, dtype=np.int64),
         line_count=count,

@@ -17,7 +17,15 @@ from planner.compiled import core
 from planner.geometry.curve import AXES
 from planner.inputs import require_path
 from planner.programs.linuxcnc import canon
-from planner.programs.linuxcnc.calls import DISTANCE, PATH_MODE, CallColumns, require_read, sorted_calls, unit_mm
+from planner.programs.linuxcnc.calls import (
+    DISTANCE,
+    FEED_MODE,
+    PATH_MODE,
+    CallColumns,
+    require_read,
+    sorted_calls,
+    unit_mm,
+)
 from planner.programs.linuxcnc.interpreter import CanonicalCalls, canonical_calls
 from planner.programs.linuxcnc.line_events import events_and_tolerances
 from planner.programs.reading.modal import MoveColumns, ReadingState
@@ -37,6 +45,7 @@ from planner.programs.reading.words import LineArray, Mask
 from planner.types import FloatArray
 
 _EXACT = (610, 611)
+_PER_MINUTE = 940
 _ABSOLUTE = 900
 _SAME_DIRECTION = 1e-6  # rad; LinuxCNC makes a full turn of less
 
@@ -116,11 +125,13 @@ def _columns(
     # Of a move in degrees alone F is in degrees, which inches do not change.
     turns = feed_lengths(start, end, arcs, along)[1] == ANGULAR
     feed = np.where(turns, columns.feed[kept] / unit_mm(state), columns.feed[kept])
-    feed[kind == RAPID] = np.inf
+    rapid = kind == RAPID
+    modal_feed = np.where(rapid & ((state[:, FEED_MODE] != _PER_MINUTE) | (feed == 0.0)), np.nan, feed)
+    feed[rapid] = np.inf
     return MoveColumns(
         columns.line[kept], kind, end, centre, normal, sweep, np.full(called.size, -1), feed, exact,
         np.where(exact, 0.0, tolerances[kept, 0]), np.where(exact, np.nan, tolerances[kept, 1]),
-        np.zeros(called.size, dtype=np.int64),
+        np.zeros(called.size, dtype=np.int64), modal_feed,
     )  # fmt: skip
 
 

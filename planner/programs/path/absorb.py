@@ -327,7 +327,9 @@ def _joined(work: _Absorbing, first: NDArray[np.intp]) -> _Absorbing:
     order = np.lexsort((length, row))
     main = order[np.append(first[1:], cost.size) - 1]  # the longest block of each
     stop_after = np.logical_or.reduceat(moves.stop_after, first)
-    columns = {name: getattr(moves, name)[last] for name in ("line", "normal", "naive_tolerance", "tolerance")}
+    columns = {
+        name: getattr(moves, name)[last] for name in ("line", "normal", "naive_tolerance", "tolerance", "modal_feed")
+    }
     joined = replace(
         moves,
         **columns,

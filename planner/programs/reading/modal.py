@@ -192,8 +192,8 @@ class ReadingState:
             zero = zero[~np.isin(zero, moves.line)]
         return Program(
             self.source, moves.line, moves.kind, points[:-1], points[1:], moves.centre, moves.normal, moves.sweep,
-            moves.curve, moves.feed, stop, moves.tolerance, moves.naive, tuple(self.events), zero, self.line_count,
-            self.axis_lines, self._notes(), beziers,
+            moves.curve, moves.feed, stop, moves.tolerance, moves.naive, moves.modal_feed, tuple(self.events), zero,
+            self.line_count, self.axis_lines, self._notes(), beziers,
         )  # fmt: skip
 
     def _points(self, parts: list[MoveColumns]) -> FloatArray:
@@ -273,13 +273,14 @@ class MoveColumns:
     tolerance: FloatArray
     naive: FloatArray
     tool: LineArray
+    modal_feed: FloatArray
 
     @classmethod
     def none(cls) -> MoveColumns:
         """No moves."""
         byte, number, point = np.empty(0, dtype=np.uint8), np.empty(0), np.empty((0, 3))
         flag, index = np.empty(0, dtype=np.bool_), np.empty(0, dtype=np.int64)
-        return cls(index, byte, point, point, byte, number, index, number, flag, number, number, index)
+        return cls(index, byte, point, point, byte, number, index, number, flag, number, number, index, number)
 
     @classmethod
     def joined(cls, parts: Sequence[MoveColumns], end: FloatArray) -> MoveColumns:

@@ -89,11 +89,14 @@ def make_moves(track: ProgramTrack, feeds: BlockFeeds) -> MovesOfPart:
         x = x_along(start, end, arcs, (centre[arcs], normal[arcs], sweep[arcs]))[turned]
         way = np.where(np.isnan(pitch), feed, pitch)[turned]
         feed[turned] = way / _turn_times(track, feeds.spindle, rows[turned], x)
-    feed[kind == RAPID] = np.inf
+    rapid = kind == RAPID
+    by_minute = modal[FEED_MODE][rows] == 940
+    modal_feed = np.where(rapid & ~by_minute, np.nan, feed)
+    feed[rapid] = np.inf
     exact = modal[PATH_MODE][rows] != 640
     columns = MoveColumns(
         blocks.line[rows], kind.astype(np.uint8), end, centre, normal, sweep, np.full(rows.size, -1), feed, exact,
-        feeds.tolerance[rows], feeds.naive[rows], track.tools_beside(rows),
+        feeds.tolerance[rows], feeds.naive[rows], track.tools_beside(rows), modal_feed,
     )  # fmt: skip
     if splines is not None:
         columns, rows = _in_pieces(columns, rows, splines, sum(map(len, state.beziers)))

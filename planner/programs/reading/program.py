@@ -18,7 +18,7 @@ from planner.types import FloatArray
 RAPID, LINE, ARC, SPLINE = 0, 1, 2, 3
 _COLUMNS = (
     "line", "kind", "start", "end", "centre", "normal", "sweep", "curve", "feed", "stop_after", "tolerance",
-    "naive_tolerance",
+    "naive_tolerance", "modal_feed",
 )  # fmt: skip
 # Shorter moves are none: the line is kept and takes no time.  Degrees count as mm.
 ZERO_LENGTH_MM = 1e-6
@@ -89,6 +89,9 @@ class Program:
         P of G64, mm: nan where none was given, 0 under G61 and G61.1.
     naive_tolerance : (m,) array
         Q of G64, mm; nan where none was given.
+    modal_feed : (m,) array
+        Of a rapid the F word in force under G94, mm/s, or nan: controllers that know no rapid run it at that feed.  Of
+        other moves their feed.
     events : tuple of Event
         In the order of the program.
     zero_lines : (k,) int64 array
@@ -116,6 +119,7 @@ class Program:
     stop_after: NDArray[np.bool_]
     tolerance: FloatArray
     naive_tolerance: FloatArray
+    modal_feed: FloatArray
     events: tuple[Event, ...]
     zero_lines: NDArray[np.int64]
     line_count: int

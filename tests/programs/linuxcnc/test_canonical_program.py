@@ -146,6 +146,14 @@ class TestMoves:
         assert program.sweep == pytest.approx([-6.0 * np.pi, np.pi])
         assert program.end[0, :3].tolist() == pytest.approx([0.0, 0.0, -3.0])
 
+    def test_the_modal_feed_of_rapids(self, tmp_path):
+        path = written(
+            tmp_path, "G91\nG0 X1\nF600 X1\nG1 X1 F300\nG0 X1\nG20 X1\nG21\nF120 X1\nG93 G1 X1 F2\nG0 X1\nM2\n"
+        )
+        theirs, ours = read_with_linuxcnc(path, from_zero=True), read_program(path, start=(0, 0, 0))
+        assert theirs.modal_feed == pytest.approx([np.nan, 10, 5, 5, 5, 2, 1 / 30, np.nan], nan_ok=True)
+        assert ours.modal_feed == pytest.approx(theirs.modal_feed, nan_ok=True)
+
     def test_path_modes_and_tolerances(self, tmp_path):
         text = "F600\nG1 X1\nG64 P0.02\nX2\nG61\nX3\nG64 P0\nX4\nG20\nG64 P0.001 Q0.0001\nX5\nM2\n"
         program = read_with_linuxcnc(written(tmp_path, text))

@@ -70,6 +70,13 @@ class TestMoves:
         p = read("G93\nG1 X3 Y4 F2\nG3 X3 Y4 I1 J0 F4\nG94 G1 X0 F120" + END)
         assert p.feed == pytest.approx([5 / 30, 2 * np.pi / 15, 2.0], rel=1e-14)
 
+    def test_the_modal_feed_of_rapids(self, read):
+        """What a controller that knows no rapid runs them at; a word on their own line counts."""
+        p = read("G91\nG0 X1\nF600 X1\nG1 X1 F300\nG0 X1\nX1 F120\nG93 G1 X1 F2\nG0 X1\nG94 X1\nX1 F60" + END)
+        assert p.modal_feed == pytest.approx([np.nan, 10, 5, 5, 2, 1 / 30, np.nan, np.nan, 1], nan_ok=True)
+        assert np.isinf(p.feed[p.kind == RAPID]).all()
+        assert (p.modal_feed == p.feed)[p.kind != RAPID].all()
+
     def test_tolerance_follows_the_path_modes(self, read):
         p = read("F60\nG1 X1\nG64 P0.02 Q0\nX2\nG61\nX3\nG61.1\nX4\nG64\nX5\nG64 P.5\nX6" + END)
         assert p.tolerance == pytest.approx([np.nan, 0.02, 0, 0, np.nan, 0.5], nan_ok=True)
