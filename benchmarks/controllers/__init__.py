@@ -1,0 +1,1 @@
+"""The models of controllers against the controllers themselves, or what stands for them."""
