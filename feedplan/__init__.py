@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from feedplan.comparison import Comparison, compare
     from feedplan.job import Job, load_job, load_job_of_table, plan_and_check
     from feedplan.page import write_report
+    from feedplan.program_time import ProgramTime, time_program
     from feedplan.tolerances import ToleranceTime, time_of_tolerances
     from feedplan.verdict import Verdict
     from interp import (
@@ -127,6 +128,7 @@ __all__ = [
     "Program",
     "ProgramPath",
     "ProgramPlan",
+    "ProgramTime",
     "Report",
     "Row",
     "Samples",
@@ -173,6 +175,7 @@ __all__ = [
     "table_limits",
     "taylor_step",
     "time_of_tolerances",
+    "time_program",
     "track",
     "verify_bound",
     "verify_plan_bound",
@@ -189,6 +192,7 @@ _HOME = {
     "feedplan.comparison": ("Comparison", "compare"),
     "feedplan.job": ("Job", "load_job", "load_job_of_table", "plan_and_check"),
     "feedplan.page": ("write_report",),
+    "feedplan.program_time": ("ProgramTime", "time_program"),
     "feedplan.tolerances": ("ToleranceTime", "time_of_tolerances"),
     "feedplan.verdict": ("Verdict",),
     "planner.certificate": ("Certificate",),

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from planner.geometry.tolerance import PathKind, PathSide
     from planner.machine.limits import Limits
     from planner.machine.machine_table import Machine
+    from planner.machine.program_setup import ProgramSetup
     from planner.output.ngc import FeedMode, WrittenProgram
     from planner.profile import FeedrateProfile
     from planner.programs.path.smooth_path import ProgramPath
@@ -74,6 +75,8 @@ class Job:
         What the verdict says of where the curve comes from.
     path_seconds : float
         What it took to make the path of a program: a joint one is planned there.
+    setup : ProgramSetup, optional
+        What the machine's file says of homes, tools and rests.
     """
 
     curve: Curve
@@ -84,15 +87,16 @@ class Job:
     room: float = 0.0
     facts: tuple[tuple[str, str], ...] = ()
     path_seconds: float = 0.0
+    setup: ProgramSetup | None = None
 
     def __repr__(self) -> str:
         return f"Job({self.curve.name} on {self.machine})"
 
     @classmethod
-    def of(cls, found: SourceCurve, limits: Limits, machine: str) -> Job:
+    def of(cls, found: SourceCurve, limits: Limits, machine: str, setup: ProgramSetup | None = None) -> Job:
         """Put a curve and the limits of a machine together, which may have more axes."""
         own = limits.for_curve(found.curve)
-        return cls(found.curve, own, machine, found.program, found.path, found.room, found.facts, found.seconds)
+        return cls(found.curve, own, machine, found.program, found.path, found.room, found.facts, found.seconds, setup)
 
     def run(
         self, progress: Progress = _silent, *, bound: bool = True, certificate: Path | None = None, **options: Any
@@ -367,6 +371,7 @@ def load_job(
             ),
             limits,
             named,
+            found.setup,
         )  # fmt: skip
     require_no_program_options(source, tools, ignore)
     require_no_path_choice(source, path, side)

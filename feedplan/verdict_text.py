@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from feedplan.layout import BOLD, GREEN, RED, Cell, indented, named, styled, table
@@ -33,7 +33,7 @@ def to_text(verdict: Verdict) -> list[str]:
         "",
         *_limit_table(verdict.reports),
         "",
-        *held_back(verdict.profile),
+        *held_back(verdict.profile.shares()),
         *_worth(verdict.profile),
         *([] if verdict.proof is None else named("proved", verdict.proof.statement)),
         *_all_named("note", _shortened(verdict.notes)),
@@ -90,8 +90,8 @@ def _facts(verdict: Verdict) -> list[str]:
     lines = [
         *named("curve", f"{curve.name}, {curve.length:.6g} mm, axes {' '.join(curve.axes)}"),
         *fact_lines(verdict.facts),
-        *([] if verdict.program is None else program_lines(verdict.program)),
-        *machine_line(verdict.machine, limits, curve),
+        *fact_lines(() if verdict.program is None else program_pairs(verdict.program)),
+        *fact_lines([machine_pair(verdict.machine, limits, curve)]),
         *named("plan", f"{profile.method}, {profile.nodes} nodes" + _planned_in(verdict.planning_time)),
     ]
     if math.isfinite(verdict.gap):
@@ -128,32 +128,32 @@ def fact_lines(facts: Iterable[tuple[str, str]]) -> list[str]:
     return [line for name, text in facts for line in named(name, text)]
 
 
-def machine_line(machine: str, limits: Limits, curve: Curve) -> list[str]:
-    """Lay out where the limits come from, and which feed and period they have."""
+def machine_pair(machine: str, limits: Limits, curve: Curve) -> tuple[str, str]:
+    """Say where the limits come from, and which feed and period they have."""
     feed = f"feed {quantity(limits.feed, 'mm/s')}" if math.isfinite(limits.feed) else "no feed limit"
     if math.isfinite(limits.rapid) and curve.feed_caps is not None:
         feed += f", rapids {quantity(limits.rapid, 'mm/s')}"
-    return named("machine", f"{machine}; {feed}, period {quantity(limits.period, 's')}")
+    return "machine", f"{machine}; {feed}, period {quantity(limits.period, 's')}"
 
 
-def program_lines(path: ProgramPath) -> list[str]:
-    """Lay out how the path of a part program keeps to it."""
+def program_pairs(path: ProgramPath) -> list[tuple[str, str]]:
+    """Say how the path of a part program keeps to it."""
     if path.deviation.largest > 0.0:
         far = (
             f"{_micro(path.deviation.largest)} at most, at line {path.deviation_line}; {_micro(path.tolerance)} allowed"
         )
     else:
         far = f"none; {_micro(path.tolerance)} allowed" if path.tolerance > 0.0 else "none"
-    found = named("path", path_made(path)) + named("deviation", far)
+    found = [("path", path_made(path)), ("deviation", far)]
     within = path.curve.made_within
     if within is not None and within.side != PathTolerance.side:
-        found += named("side", f"{within.side} alone; overcut {_micro(path.overcut)}, measured")
+        found.append(("side", f"{within.side} alone; overcut {_micro(path.overcut)}, measured"))
     reasons: dict[str, list[int]] = {}
     for stop in path.stops:
         reasons.setdefault(stop.reason, []).append(stop.line)
     for reason, lines in reasons.items():
         shown = ", ".join(map(str, lines[:_LINES_SHOWN])) + (", ..." if len(lines) > _LINES_SHOWN else "")
-        found += named("exact stops", f"{len(lines)}, {reason}: after line {shown}")
+        found.append(("exact stops", f"{len(lines)}, {reason}: after line {shown}"))
     return found
 
 
@@ -228,13 +228,12 @@ def _broken(verdict: Verdict) -> str:
     )
 
 
-def held_back(profile: FeedrateProfile) -> list[str]:
+def held_back(shares: Mapping[str, float]) -> list[str]:
     """Lay out which limit holds a plan back for which share of the time; the shares add up to all of it."""
-    return named("held back by", ", ".join(f"{name} {percent(share)}" for name, share in _main_shares(profile)))
+    return named("held back by", ", ".join(f"{name} {percent(share)}" for name, share in _main_shares(shares)))
 
 
-def _main_shares(profile: FeedrateProfile) -> Iterator[tuple[str, float]]:
-    shares = profile.shares()
+def _main_shares(shares: Mapping[str, float]) -> Iterator[tuple[str, float]]:
     small = 0.0
     for name, share in shares.items():
         if share >= _SHARE_SHOWN:

@@ -21,6 +21,7 @@ ELSEWHERE = {
     ),
     "feedplan/test_job.py": ("feedplan.sources",),
     "feedplan/test_page.py": ("feedplan.cli.report",),
+    "feedplan/test_program_time.py": ("feedplan.time_text",),
     "feedplan/test_verdict.py": ("feedplan.verdict_text",),
     "geometry/test_catalog.py": ("planner.data",),
     "geometry/test_curve.py": ("planner.geometry.continuity", "planner.geometry.fit"),

@@ -20,7 +20,7 @@ from planner.geometry.curve import AXES, ROTARY_AXES
 from planner.inputs import shorten
 from planner.machine.limits import DEFAULT_PERIOD, PERIOD, RAPID, SCALARS
 from planner.machine.machine_table import AxisTable, MachineTable
-from planner.machine.program_setup import SYSTEMS, Point, ProgramSetup
+from planner.machine.program_setup import SYSTEMS, Point, ProgramSetup, RestTimes
 from planner.quantity import AXIS, FEED, QUANTITIES
 
 LENGTHS = {
@@ -34,6 +34,7 @@ _MINUTE = 60.0  # s
 _NAME, _AXIS, _PROGRAM = "name", "axis", "program"
 _HOMES = ("home", "second_home", "tool_change")
 _OFFSETS, _TOOLS = "offsets", "tools"
+_RESTS = {"tool_change_s": "tool_change", "spindle_start_s": "spindle_start"}
 
 
 def file_key(name: str) -> str:
@@ -71,6 +72,7 @@ def unit_keys(key: str) -> dict[str, float]:
 PROGRAM_KEYS = (
     _TOOLS,
     *(f"{name}_{unit}" for name in (*_HOMES, _OFFSETS) for units in LENGTHS.values() for unit in units),
+    *_RESTS,
 )
 """Keys of the table ``program``."""
 
@@ -212,6 +214,7 @@ def _program(table: Any, page: _Page) -> ProgramSetup:
     tools: Path | None = None
     points: dict[str, dict[str, float]] = {}
     offsets: dict[str, dict[str, float]] = {}
+    rests: dict[str, float] = {}
     for key, value in table.items():
         at, said = page.at(f"{_PROGRAM}.{key}"), f"{_PROGRAM}.{key}"
         if key not in PROGRAM_KEYS:
@@ -220,6 +223,11 @@ def _program(table: Any, page: _Page) -> ProgramSetup:
             if not isinstance(value, str) or not value:
                 raise InputError(f"{at}: {said} = {shorten(repr(value))} must be the name of a tool table, .tbl")
             tools = Path(page.where).parent / value
+            continue
+        if key in _RESTS:
+            if not _is_number(value) or not 0.0 <= value < math.inf:
+                raise InputError(f"{at}: {said} = {shorten(repr(value))} must be a finite number of at least 0, in s")
+            rests[_RESTS[key]] = float(value)
             continue
         name, _, unit = key.rpartition("_")
         if name != _OFFSETS:
@@ -230,7 +238,7 @@ def _program(table: Any, page: _Page) -> ProgramSetup:
         for system, point in value.items():
             offsets.setdefault(system, {}).update(_point(point, unit, at, f"{said}.{system}"))
     homes: dict[str, Point | None] = {name: points.get(name) for name in _HOMES}
-    return ProgramSetup(tools, **homes, offsets=offsets)
+    return ProgramSetup(tools, **homes, offsets=offsets, rests=RestTimes(**rests))
 
 
 def _point(value: Any, unit: str, at: str, said: str) -> dict[str, float]:

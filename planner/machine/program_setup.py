@@ -17,8 +17,24 @@ Point = Mapping[str, float]
 
 
 @dataclass(frozen=True)
+class RestTimes:
+    """What the machine needs for acts whose time no program says, s; None where nobody said it.
+
+    Attributes
+    ----------
+    tool_change : float, optional
+        Of one M6, from the stop of the axes to their start.
+    spindle_start : float, optional
+        Of an M3 or M4 while the spindle stands still or turns the other way.
+    """
+
+    tool_change: float | None = None
+    spindle_start: float | None = None
+
+
+@dataclass(frozen=True)
 class ProgramSetup:
-    """Positions on the machine that a program's words lead to, and its tools.
+    """Positions on the machine that a program's words lead to, its tools, and how long it rests.
 
     Attributes
     ----------
@@ -30,6 +46,7 @@ class ProgramSetup:
         Where M6 leads, in the axes that are named; None: it moves nothing.
     offsets : mapping of str to mapping
         Origins of coordinate systems, by their words.
+    rests : RestTimes
     """
 
     tools: Path | None = None
@@ -37,6 +54,7 @@ class ProgramSetup:
     second_home: Point | None = None
     tool_change: Point | None = None
     offsets: Mapping[str, Point] = field(default_factory=dict)
+    rests: RestTimes = RestTimes()
 
 
 def vector(point: Point | None, axes: Sequence[str]) -> FloatArray:

@@ -8,6 +8,7 @@ import pytest
 from planner.errors import InputError
 from planner.machine.machine_file import load_limits, read_machine
 from planner.machine.machine_toml import HEAD_KEYS, PROGRAM_KEYS, axis_keys, unit_keys
+from planner.machine.program_setup import RestTimes
 
 PLAIN = {"feed_mm_s": 100.0, "rapid_mm_s": 150.0, "chord_error_mm": 0.002, "period_s": 0.002}
 PLAIN |= {"tangential_acceleration_mm_s2": 700.0, "tangential_jerk_mm_s3": 9000.0}
@@ -87,6 +88,8 @@ home_mm = { X = 0, Z = 120.5 }
 home_deg = { A = 90 }
 second_home_inch = { X = -1.0 }
 tool_change_mm = { X = 10, Y = 20 }
+tool_change_s = 6.5
+spindle_start_s = 0
 
 [program.offsets_mm]
 G54 = { X = 100, Y = 50.5, Z = -30 }
@@ -103,6 +106,7 @@ G54 = { C = 180 }
         assert setup.home == {"X": 0.0, "Z": 120.5, "A": 90.0}
         assert setup.second_home == {"X": -25.4}
         assert setup.tool_change == {"X": 10.0, "Y": 20.0}
+        assert setup.rests == RestTimes(6.5, 0.0)
         assert setup.offsets == {
             "G54": {"X": 100.0, "Y": 50.5, "Z": -30.0, "C": 180.0},
             "G59.1": {"X": 1.0},
@@ -119,6 +123,7 @@ G54 = { C = 180 }
     def test_without_it_nothing_is_known(self, read):
         setup = read(MILL).setup
         assert (setup.tools, setup.home, setup.second_home, setup.tool_change, setup.offsets) == (None,) * 4 + ({},)
+        assert setup.rests == RestTimes(None, None)
 
     @pytest.mark.parametrize(
         ("line", "message"),
@@ -136,6 +141,11 @@ G54 = { C = 180 }
                 "offsets_mm = { G60 = { X = 1 } }",
                 "toml:8: program.offsets_mm must be a table with a point for each of G54,",
             ),
+            ("tool_change_s = -1", "toml:8: program.tool_change_s = -1 must be a finite number of at least 0, in s"),
+            ("tool_change_s = nan", "toml:8: program.tool_change_s = nan must be a finite number of at least 0, in s"),
+            ('tool_change_s = "8 s"', "toml:8: program.tool_change_s = '8 s' must be a finite number of at least 0"),
+            ("spindle_start_s = inf", "toml:8: program.spindle_start_s = inf must be a finite number of at least 0"),
+            ("spindle_start_s = true", "toml:8: program.spindle_start_s = True must be a finite number of at least 0"),
             ("offsets_mm = { G54 = 1 }", "toml:8: program.offsets_mm.G54 = 1 must be a table such as { X = 10 }"),
         ],
     )

@@ -223,8 +223,9 @@ class TestTime:
         assert rows[head + 3][1] == "others"
         assert float(rows[head + 1][3]) >= float(rows[head + 2][3])
         text = flat(out)
-        assert "dwells 0.5 s more" in text
-        assert "tool changes 1; the program does not say how long they take" in text
+        assert (
+            "dwells 0.5 s tool changes 1; not in the total, for nobody says how long one takes: --tool-change-s" in text
+        )
         assert "same path takes at best without one held back by" in text
         assert max(len(line) for line in out.splitlines()) <= 80
 
