@@ -9,7 +9,8 @@ One loop, whoever does the work: a pool is an executor of ``concurrent.futures``
 1. A task has a key.  Its outcome is kept under that key, once, whatever happens on the way.
 2. No more tasks are handed out than the pool has room for, so that no more programs are in memory than are worked on.
 3. A task that raises an error gets the error's text as its outcome.
-4. A task whose process dies is handed out once more, after all others; when that process dies too, this is its outcome.
+4. A task whose process dies, or that is let go, is handed out once more, after all others and alone: a neighbour may have
+   been the cause, or have taken the memory.  The second time, this is its outcome.
 5. Where the pool is lost, or the user interrupts, what is done stays, and the outcome of the rest says why it is missing.
 """
 
@@ -17,7 +18,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from dataclasses import dataclass, field
 from typing import Any, Generic, Protocol, TypeVar
 
@@ -54,7 +55,7 @@ class BatchTask(Generic[T]):
 
 
 @dataclass(frozen=True)
-class Outcome(Generic[T]):
+class TaskOutcome(Generic[T]):
     """What became of a task: its value, or the error that there is in place of it."""
 
     value: T | None = None
@@ -81,7 +82,7 @@ class WorkerPool(Protocol):
         ...
 
     def explained(self, error: BaseException) -> str:
-        """Say what an error of the pool itself means; empty where it is one of the task."""
+        """Say what an error means that has its cause in the pool, not in the task; empty where it is one of the task."""
         ...
 
     def stop(self) -> None:
@@ -96,7 +97,7 @@ class Batch(Generic[T]):
     ``interrupted``: the user ended it before all were done.
     """
 
-    outcomes: dict[str, Outcome[T]] = field(default_factory=dict)
+    outcomes: dict[str, TaskOutcome[T]] = field(default_factory=dict)
     interrupted: bool = False
 
 
@@ -125,7 +126,7 @@ def run_batch(tasks: Iterable[BatchTask[T]], pool: WorkerPool, progress: Progres
     if len(set(keys)) < len(keys):
         twice = next(key for key in keys if keys.count(key) > 1)
         raise InputError(f'the key "{twice}" is that of two tasks; each needs one of its own')
-    run = _Run(every, pool, progress)
+    run = _BatchRun(every, pool, progress)
     try:
         run.to_the_end()
     except KeyboardInterrupt:
@@ -135,7 +136,7 @@ def run_batch(tasks: Iterable[BatchTask[T]], pool: WorkerPool, progress: Progres
     return Batch({key: run.found[key] for key in keys}, run.interrupted)
 
 
-class _Run(Generic[T]):
+class _BatchRun(Generic[T]):
     """A batch on its way: which tasks wait, which are handed out, and what was found."""
 
     def __init__(self, tasks: Sequence[BatchTask[T]], pool: WorkerPool, progress: Progress | None) -> None:
@@ -143,7 +144,7 @@ class _Run(Generic[T]):
         self.waiting = deque(tasks)
         self.running: dict[Future[T], BatchTask[T]] = {}
         self.tries = {task.key: 0 for task in tasks}
-        self.found: dict[str, Outcome[T]] = {}
+        self.found: dict[str, TaskOutcome[T]] = {}
         self.interrupted = False
 
     def to_the_end(self) -> None:
@@ -160,28 +161,32 @@ class _Run(Generic[T]):
                 self.give_up(reason)
 
     def hand_out(self) -> None:
-        while self.waiting and len(self.running) < self.pool.room():
+        while self.waiting and len(self.running) < self.room():
             task = self.waiting.popleft()
             try:
                 arguments = task.arguments()
             except FeedrateError as error:
-                self.found[task.key] = Outcome(error=error)
+                self.found[task.key] = TaskOutcome(error=error)
                 continue
             self.tries[task.key] += 1
             self.running[self.pool.submit(task.key, run_task, __version__, task.work, *arguments)] = task
 
+    def room(self) -> int:
+        """How many tasks to have handed out; those that are tried again wait at the end, and are alone."""
+        return 1 if self.tries[self.waiting[0].key] else self.pool.room()
+
     def collect(self, future: Future[T], lost: str) -> None:
         task = self.running.pop(future)
-        if future.cancelled():
-            self.found[task.key] = Outcome(error=UnfinishedError(lost or "was cancelled by the pool"))
-            return
-        error = future.exception()
+        error = CancelledError() if future.cancelled() else future.exception()
+        let_go = error is not None and bool(self.pool.explained(error))
         if error is None:
-            self.found[task.key] = Outcome(future.result())
-        elif isinstance(error, BrokenExecutor) and self.tries[task.key] < _TRIES:
-            self.waiting.append(task)  # at the end: nothing else waits for a task that may die again
+            self.found[task.key] = TaskOutcome(future.result())
+        elif let_go and lost:
+            self.found[task.key] = TaskOutcome(error=UnfinishedError(lost))
+        elif let_go and self.tries[task.key] < _TRIES:
+            self.waiting.append(task)
         else:
-            self.found[task.key] = Outcome(error=self.as_ours(error))
+            self.found[task.key] = TaskOutcome(error=self.as_ours(error))
 
     def as_ours(self, error: BaseException) -> FeedrateError:
         """What is not ours must not end the batch; its kind is told, for whoever reports it."""
@@ -196,7 +201,7 @@ class _Run(Generic[T]):
     def give_up(self, reason: str) -> None:
         """Give every task without an outcome one that says why."""
         for task in self.tasks:
-            self.found.setdefault(task.key, Outcome(error=UnfinishedError(reason)))
+            self.found.setdefault(task.key, TaskOutcome(error=UnfinishedError(reason)))
         self.running.clear()
         self.waiting.clear()
 

@@ -57,9 +57,9 @@ class LocalProcesses:
         return ""
 
     def explained(self, error: BaseException) -> str:
-        """Say what an error of the pool itself means."""
+        """Say what an error means that has its cause in the pool, not in the task."""
         if isinstance(error, BrokenExecutor):
-            return "the process that worked on it ended abruptly, twice: it was killed, as when memory runs out, or crashed"
+            return "the process that worked on it died, twice: it was killed, as when memory runs out, or crashed"
         return ""
 
     def submit(self, key: str, function: Callable[..., T], *arguments: Any) -> Future[T]:

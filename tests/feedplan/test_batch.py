@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from concurrent.futures import BrokenExecutor, Future
+from concurrent.futures import BrokenExecutor, CancelledError, Future
 
 import pytest
 
-from feedplan.batch import BatchTask, Outcome, UnfinishedError, run_batch, run_task
+from feedplan.batch import BatchTask, TaskOutcome, UnfinishedError, run_batch, run_task
 from planner.errors import InfeasibleError, InputError, SolverError
 
 
@@ -50,7 +50,8 @@ class Scripted:
         return "the pool is gone" if self.lost_after is not None and len(self.handed) >= self.lost_after else ""
 
     def explained(self, error):
-        return "it died twice" if isinstance(error, BrokenExecutor) else ""
+        texts = {BrokenExecutor: "it died twice", CancelledError: "it was let go twice"}
+        return texts.get(type(error), "")
 
     def stop(self):
         self.stopped = True
@@ -122,6 +123,26 @@ class TestDeaths:
         assert [outcome.value for outcome in found.values()] == ["1", "2", "3"]
         assert pool.handed == ["a", "b", "c", "a"]
 
+    def test_tasks_that_are_tried_again_are_alone(self):
+        """Each of two dies beside the other; tried again one dies, and the other is done."""
+        alone = []
+
+        class Watched(Scripted):
+            def submit(self, key, function, *arguments):
+                alone.append((key, not self.open))
+                if len(self.handed) >= 3:
+                    self.width = 1
+                return super().submit(key, function, *arguments)
+
+            def room(self):
+                return 3
+
+        pool = Watched([BrokenExecutor(), BrokenExecutor(), None, BrokenExecutor(), None], width=3)
+        found = run_batch([task("a", 1), task("b", 2), task("c", 3)], pool).outcomes
+        assert alone == [("a", True), ("b", False), ("c", False), ("a", True), ("b", True)]
+        assert str(found["a"].error) == "it died twice"
+        assert (found["b"].value, found["c"].value) == ("2", "3")
+
     def test_a_second_death_is_the_outcome(self):
         pool = Scripted([BrokenExecutor(), None, None, BrokenExecutor()], width=2)
         found = run_batch([task("a", 1), task("b", 2), task("c", 3)], pool).outcomes
@@ -129,10 +150,17 @@ class TestDeaths:
         assert str(found["a"].error) == "it died twice"
         assert pool.handed == ["a", "b", "c", "a"]
 
+    def test_a_task_that_was_let_go_is_handed_out_again(self):
+        pool = Scripted(["cancel", None, None], width=1)
+        found = run_batch([task("a", 1), task("b", 2)], pool).outcomes
+        assert [outcome.value for outcome in found.values()] == ["1", "2"]
+        again = run_batch([task("a", 1)], Scripted(["cancel", "cancel"], width=1)).outcomes
+        assert "it was let go twice" == str(again["a"].error)
+
     def test_a_pool_that_is_lost_leaves_what_is_done(self):
         pool = Scripted([None, "cancel"], width=2, lost_after=2)
         found = run_batch([task("a", 1), task("b", 2), task("c", 3)], pool).outcomes
-        assert found["a"] == Outcome("1")
+        assert found["a"] == TaskOutcome("1")
         assert [str(found[key].error) for key in "bc"] == ["the pool is gone"] * 2
         assert pool.handed == ["a", "b"]
         assert pool.stopped

@@ -92,7 +92,7 @@ def test_a_death_is_the_end_of_one_task_and_of_no_other(tmp_path, two):
     tasks = [task("dies", batch_work.die, tmp_path / "dies")]
     tasks += [task(f"other {k}", batch_work.noted_sleep, tmp_path / str(k), 0.2) for k in range(4)]
     found = run_batch(tasks, two).outcomes
-    assert "ended abruptly, twice" in str(found["dies"].error)
+    assert "the process that worked on it died, twice" in str(found["dies"].error)
     assert all(isinstance(found[f"other {k}"].value, int) for k in range(4))
     assert [batch_work.begun(tmp_path / name) for name in ("dies", "0", "1", "2", "3")] == [2, 1, 1, 1, 1]
 
