@@ -53,6 +53,7 @@ ELSEWHERE = {
     "programs/linuxcnc/test_canonical_program.py": tuple(
         f"planner.programs.linuxcnc.{name}" for name in ("calls", "canon", "interpreter", "line_events", "marks")
     ),
+    "programs/long/test_path_ahead.py": ("planner.programs.long.runs_beside", "planner.programs.long.worker"),
     "programs/long/test_windows.py": tuple(
         f"planner.programs.long.{name}"
         for name in ("done", "journal", "parts", "path_source", "restore", "run", "view", "window")

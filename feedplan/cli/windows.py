@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import time
 from dataclasses import asdict
 from pathlib import Path
@@ -46,6 +47,11 @@ _UNITS = {
 @options.ignore
 @options.reader
 @click.option("--feed-mm-s", type=float, help="Largest feed, in place of the machine's.")
+@click.option(
+    "--cores",
+    type=click.IntRange(min=1),
+    help="Processors to use; else as many as there are.  Two are the most that is of use.",
+)
 @click.option("--fresh", is_flag=True, help="Begin anew where an earlier run was interrupted.")
 @options.as_json
 def windows(
@@ -60,6 +66,7 @@ def windows(
     ignore: tuple[str, ...],
     reader: str,
     feed_mm_s: float | None,
+    cores: int | None,
     fresh: bool,
     as_json: bool,
 ) -> None:
@@ -80,7 +87,14 @@ def windows(
         line("reading the program", None)
         blocks = program_of(program, reader, tools=tools, ignore=ignore, setup=found.setup)
         plan = plan_program(
-            blocks, limits, tolerance_mm, output=output, path=path or "joint", progress=line, resume=not fresh
+            blocks,
+            limits,
+            tolerance_mm,
+            output=output,
+            path=path or "joint",
+            progress=line,
+            resume=not fresh,
+            cores=cores or usable_cores(),
         )
     seconds = time.perf_counter() - began
     if as_json:
@@ -89,6 +103,11 @@ def windows(
         show(_text(plan, program, name, seconds))
     if not plan.ok:
         raise click.exceptions.Exit(BROKEN)
+
+
+def usable_cores() -> int:
+    """How many processors this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _json(plan: ProgramPlan, machine: str, seconds: float) -> str:

@@ -8,16 +8,17 @@ sight.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
-from planner.machine.limits import Limits
+from planner.programs.long.path_source import PathSource
 from planner.programs.path.corners import Junction, Junctions
 from planner.programs.path.joint_runs import FoundRun, cuts_of, faster, find_run, left_out
 from planner.programs.path.moves import MovingBlocks
+from planner.programs.path.separate_path import separate_time
 
 MAX_BLOCKS = 4000  # of a run; bounds the memory of its solver and of its window
 _WANTED_PIECES = 8000  # of a part
@@ -55,11 +56,50 @@ class PartRuns:
         return replace(junctions, kind=kind, size=size)
 
 
+@dataclass(frozen=True, eq=False)
+class RunsInSight:
+    """What the runs of a part are found from.
+
+    Attributes
+    ----------
+    source : PathSource
+        With the limits for which path and feed are found together.
+    first : int
+        Of the moves that absorption leaves, the one that the blocks begin with.
+    blocks : MovingBlocks
+        Those in sight.
+    junctions : Junctions
+        What these become where the path is made separately.
+    """
+
+    source: PathSource
+    first: int
+    blocks: MovingBlocks
+    junctions: Junctions
+
+    def run(self, first: int, last: int) -> FoundRun:
+        """Find the run from one block to before another, or say why it is made separately."""
+        if last - first > MAX_BLOCKS:
+            return _too_long(first, last)
+        assert self.source.joint is not None
+        found = find_run(self.blocks, self.junctions, self.source.joint, first, last)
+        return faster(found, self.junctions, self._separate_time)
+
+    def found(self, pairs: Iterable[tuple[int, int]]) -> Iterator[FoundRun]:
+        """The runs from each first block to before each last, each when it is asked for."""
+        return (self.run(first, last) for first, last in pairs)
+
+    def _separate_time(self, first: int, last: int) -> float:
+        """Time of a run of the blocks in sight, s, if its path is made before its feed."""
+        source = self.source
+        assert source.joint is not None
+        return separate_time(source.absorbed, source.used, source.joint, self.first + first, self.first + last)
+
+
 def find_part_runs(
     blocks: MovingBlocks,
     junctions: Junctions,
-    limits: Limits,
-    separate_time: Callable[[int, int], float],
+    find: Callable[[Sequence[tuple[int, int]]], Iterator[FoundRun]],
     within: tuple[float, float],
     *,
     rests: bool,
@@ -72,10 +112,8 @@ def find_part_runs(
         Those in sight.
     junctions : Junctions
         What these become where the path is made separately.
-    limits : Limits
-        Of their axes, whole.
-    separate_time : callable
-        As of :func:`~planner.programs.path.joint_runs.find_runs`.
+    find : callable
+        Finds runs, as :meth:`RunsInSight.found` does.
     within : (float, float)
         Abscissae: at which the part begins, and up to which the blocks in sight decide what the path is.
     rests : bool
@@ -93,11 +131,8 @@ def find_part_runs(
         return PartRuns()
     runs: list[FoundRun] = []
     count, end = 0, cuts[0]
-    for first, last in pairwise(cuts.tolist()):
-        if last - first > MAX_BLOCKS:
-            run = _too_long(first, last)
-        else:
-            run = faster(find_run(blocks, junctions, limits, first, last), junctions, separate_time)
+    pairs = list(pairwise(cuts.tolist()))
+    for (first, last), run in zip(pairs, find(pairs), strict=True):
         runs.append(run)
         count += last - first if run.part is None else run.part.kind.size
         end = last

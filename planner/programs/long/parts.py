@@ -26,6 +26,7 @@ from planner.programs.long import part_runs
 from planner.programs.long.part_runs import PartRuns
 from planner.programs.long.path_source import Cursor, PathSource
 from planner.programs.long.run import Run, cut_run
+from planner.programs.long.runs_beside import RunsBeside
 from planner.programs.long.view import BESIDE, FittedTubes, View
 from planner.programs.path.corners import Junction
 from planner.programs.path.measure import LinePlace
@@ -64,19 +65,19 @@ def first_cursor() -> Cursor:
     return Cursor(0, 0.0, None, True, _FIRST_BLOCKS, None, 0.0)
 
 
-def next_part(source: PathSource, cursor: Cursor) -> tuple[PathPart, Cursor | None]:
+def next_part(source: PathSource, cursor: Cursor, beside: RunsBeside | None = None) -> tuple[PathPart, Cursor | None]:
     """Build the part at a cursor; with it comes the cursor of the next one, None at the end of the program."""
     count, runs = cursor.blocks, PartRuns()
     sight = max(count, part_runs.MAX_BLOCKS)
     if source.joint is not None:
         view = View.of(source, cursor, sight)
-        runs = view.runs()
+        runs = view.runs(beside)
         if np.isfinite(runs.end):
             count = sight
     while True:
         view = View.of(source, cursor, count)
         if count > sight:  # there may be the end of a run in it by now
-            runs = view.runs()
+            runs = view.runs(beside)
         found = _built(view, runs)
         if found is not None:
             return found

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import SolverError
-from planner.programs.long.part_runs import PartRuns, find_part_runs
+from planner.programs.long.part_runs import PartRuns, RunsInSight, find_part_runs
 from planner.programs.long.path_source import Cursor, PathSource
+from planner.programs.long.runs_beside import RunsBeside
 from planner.programs.path.corners import Junction, Junctions
 from planner.programs.path.joint_runs import FoundRun, find_run
 from planner.programs.path.measure import Written
 from planner.programs.path.moves import MovingBlocks
-from planner.programs.path.separate_path import MARGIN, SHORT_REST, classified, separate_time, tube_stretches
+from planner.programs.path.separate_path import MARGIN, SHORT_REST, classified, tube_stretches
 from planner.programs.path.stretch import OVERLAP, Fitted, Stretch, fit
 from planner.programs.path.tube_knots import place as knots_of
 from planner.programs.reading.program import part_of
@@ -108,19 +110,13 @@ class View:
             return float(edges[-1])
         return float(min(edges[-1] - 2.0 * MARGIN - SHORT_REST, edges[max(edges.size - 1 - _AHEAD, 0)]))
 
-    def runs(self) -> PartRuns:
-        """Find the runs of the part."""
-        limits = self.source.joint
-        if limits is None:
+    def runs(self, beside: RunsBeside | None = None) -> PartRuns:
+        """Find the runs of the part, with the help of another process where there is one."""
+        if self.source.joint is None:
             return PartRuns()
-        junctions, within = classified(self.blocks, self.room), (self.start, self.known)
-        return find_part_runs(self.blocks, junctions, limits, self._separate_time, within, rests=self.cursor.rests)
-
-    def _separate_time(self, first: int, last: int) -> float:
-        """Time of a run of the blocks in sight, s, if its path is made before its feed."""
-        source = self.source
-        assert source.joint is not None
-        return separate_time(source.absorbed, source.used, source.joint, self.first + first, self.first + last)
+        sight = RunsInSight(self.source, self.first, self.blocks, classified(self.blocks, self.room))
+        find = sight.found if beside is None else partial(beside.found, sight)
+        return find_part_runs(self.blocks, sight.junctions, find, (self.start, self.known), rests=self.cursor.rests)
 
     def found_again(self, run: FoundRun, room: float) -> FoundRun:
         """A run within another share of its tolerance."""

@@ -6,6 +6,7 @@ Rules 1 to 4 of :mod:`planner.programs.long.windows` are here.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from planner.geometry.curve import Curve
 from planner.machine.limits import Limits
 from planner.plan import plan_feedrate
 from planner.profile import FeedrateProfile
-from planner.programs.long.parts import next_part
+from planner.programs.long.path_ahead import MakePart
 from planner.programs.long.path_source import Cursor, PathSource
 from planner.programs.long.run import Run
 from planner.programs.path.feeds import caps_of_blocks
@@ -160,10 +161,11 @@ class Kept:
 
 @dataclass(frozen=True, eq=False)
 class Planner:
-    """Plans windows of one program."""
+    """Plans windows of one program; ``parts`` makes the part of its path at a cursor."""
 
     path: PathSource
     limits: Limits
+    parts: MakePart
 
     def plan(self, state: WindowStart) -> Window:
         """Plan the window that begins at a state."""
@@ -205,7 +207,7 @@ class Planner:
             queue = state.queue
             if queue is not None and self._enough(state, queue):
                 break
-            part, cursor = next_part(self.path, state.cursor)
+            part, cursor = self.parts(state.cursor)
             state = replace(
                 state,
                 queue=part.run if queue is None else queue.joined(part.run, rests=state.rests),
@@ -292,13 +294,14 @@ class Planner:
         """Decide how much of a window is kept, and plan the next."""
         run = window.path
         end = run.curve.kind.size
+        follower = replace(self, parts=cache(self.parts))  # another try needs the parts of the one before again
         if not window.ends_at_stop:
             for edge in window.reserve_edge + _RESERVE_PIECES + np.array(_ENDS):
                 if edge >= end:
                     break
                 following = self._after(window, int(edge))
                 try:
-                    planned = self.plan(following)
+                    planned = follower.plan(following)
                 except (InfeasibleError, SolverError):
                     continue
                 return self._kept(window, int(edge), stopped=False), planned
@@ -306,7 +309,7 @@ class Planner:
         kept = self._kept(window, end, stopped=not window.ends_at_stop)
         if following.queue is None and following.cursor is None:
             return kept, None
-        return kept, self.plan(following)
+        return kept, follower.plan(following)
 
     @staticmethod
     def _reserve(state: WindowStart, end: float | None) -> list[tuple[float, float]]:

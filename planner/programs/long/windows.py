@@ -40,6 +40,7 @@ from planner.inputs import positive_number, require_path
 from planner.machine.limits import SCALARS, Limits
 from planner.programs.long.done import Done
 from planner.programs.long.journal import FORMAT, Journal
+from planner.programs.long.path_ahead import PathAhead
 from planner.programs.long.path_source import PathSource
 from planner.programs.long.restore import restored
 from planner.programs.long.window import Planner
@@ -131,6 +132,7 @@ def plan_program(
     path: PathKind = "joint",
     progress: Progress | None = None,
     resume: bool = True,
+    cores: int = 1,
 ) -> ProgramPlan:
     """Plan a program in windows; write its nodes and the time of every line.
 
@@ -152,6 +154,9 @@ def plan_program(
     resume : bool
         Go on where an interrupted run of the same program, tolerance and limits to this output ended; else what such a run
         left is deleted.
+    cores : int
+        How many processors to use.  With more than one, another process makes the path beside the plan, and two find the
+        runs of which path and feed are one problem.  More are of no more use; the files are the same to the last bit.
 
     Returns
     -------
@@ -174,22 +179,8 @@ def plan_program(
     program = source if isinstance(source, Program) else read_program(source)
     built, why = _path_source(program, limits, tolerance, path)
     journal = Journal.beside(table, _identity(built, limits), resume=resume)
-    planner = Planner(built, limits)
-    if progress is not None:
-        progress("verifying what an earlier run left", None)
-    done, state = restored(journal, planner)
-    resumed = done.windows
-    window = None if state is None else planner.plan(state)
-    while window is not None:
-        if progress is not None:
-            progress(f"window {done.windows + 1}", window.state.first_row / len(program))
-        kept, window = planner.keep(window)
-        journal.save_window(done.windows, kept.columns)
-        done = done.with_window(kept)
-        header = {"done": asdict(done), "state": None if window is None else window.state.header()}
-        journal.save_state(header, {} if window is None else window.state.arrays())
-        # A curve and its arc length hold each other, and the collector does not count what their arrays take.
-        gc.collect()
+    with PathAhead(built, cores) as ahead:
+        done, resumed = _planned(journal, Planner(built, limits, ahead.next), progress)
     if progress is not None:
         progress(f"writing {table}", None)
     verdict = _verdict(done)
@@ -199,7 +190,28 @@ def plan_program(
     arrays |= {"t_start": starts[:, 0], "u_start": starts[:, 1]}
     journal.join(table, done.windows, _COLUMNS, arrays)
     journal.remove()
-    return _outcome(done, program, (table, lines), resumed, (*program.notes, *why))
+    lost = (f"{ahead.lost}; from there on the path was made by the one of the plan",) if ahead.lost else ()
+    return _outcome(done, program, (table, lines), resumed, (*program.notes, *why, *lost))
+
+
+def _planned(journal: Journal, planner: Planner, progress: Progress | None) -> tuple[Done, int]:
+    """Plan window after window into a journal; what they amount to, and how many an earlier run had finished."""
+    if progress is not None:
+        progress("verifying what an earlier run left", None)
+    done, state = restored(journal, planner)
+    resumed, rows = done.windows, len(planner.path.program)
+    window = None if state is None else planner.plan(state)
+    while window is not None:
+        if progress is not None:
+            progress(f"window {done.windows + 1}", window.state.first_row / rows)
+        kept, window = planner.keep(window)
+        journal.save_window(done.windows, kept.columns)
+        done = done.with_window(kept)
+        header = {"done": asdict(done), "state": None if window is None else window.state.header()}
+        journal.save_state(header, {} if window is None else window.state.arrays())
+        # A curve and its arc length hold each other, and the collector does not count what their arrays take.
+        gc.collect()
+    return done, resumed
 
 
 def _path_source(

@@ -14,6 +14,7 @@ from planner import InputError, plan_feedrate
 from planner.machine.limits import Limits
 from planner.programs.long import part_runs, parts, view, window
 from planner.programs.long.part_runs import find_part_runs
+from planner.programs.long.path_ahead import PathAhead
 from planner.programs.long.path_source import PathSource
 from planner.programs.long.windows import plan_program
 from planner.programs.path import joint_runs
@@ -69,7 +70,8 @@ def queues(monkeypatch):
 
 def planner_of(source):
     """The planner of a program."""
-    return window.Planner(PathSource(source, ProgramAxes.of(source), 0.01, drives(dim=2)), LIMITS)
+    path = PathSource(source, ProgramAxes.of(source), 0.01, drives(dim=2))
+    return window.Planner(path, LIMITS, PathAhead(path).next)
 
 
 def whole(source, **options):
@@ -350,8 +352,11 @@ def test_which_runs_a_part_has():
     def never(first, last):
         raise AssertionError((first, last))
 
+    def find(pairs):
+        return (joint_runs.faster(find_run(blocks, junctions, LIMITS, *pair), junctions, never) for pair in pairs)
+
     def runs(start, known, **options):
-        found = find_part_runs(blocks, junctions, LIMITS, never, (edges[start], edges[known]), **options)
+        found = find_part_runs(blocks, junctions, find, (edges[start], edges[known]), **options)
         return [(run.first, run.last) for run in found.runs], found.end
 
     assert runs(0, 7, rests=True) == ([(0, 1), (1, 4), (4, 7)], edges[7])
