@@ -3,8 +3,8 @@
 Sources: the settings of GRBL v1.1 as its wiki has them; S. K. Jeon, "Improving Grbl: Cornering Algorithm" (2011) for the
 junction deviation.
 
-1. Arcs are chords whose distance from the arc is the arc tolerance ($12) at most: each spans 2 sqrt(e (2 r - e)), and as many
-   as fit whole into the arc, at least one.
+1. Arcs are chords whose distance from the arc is about the arc tolerance e ($12): of length 2 sqrt(e (2 r - e)), as many as
+   fit whole into the arc, at least one.
 2. *By direction.*  A block along the unit vector n has the highest speed min_j v_j / |n_j| of the axes' rates ($110 to $112)
    and the acceleration min_j a_j / |n_j| ($120 to $122).  G0 runs at that speed, other moves at their feed at most, and
    nothing slower than 1 mm/min.
@@ -32,6 +32,7 @@ from planner.controllers.controller_motion import ControllerMotion, Trapezoids, 
 from planner.controllers.straight_blocks import STRAIGHT_AXES, StraightBlocks, straight_blocks
 from planner.errors import InputError
 from planner.inputs import numbers, positive_number, shorten
+from planner.machine.limits import Limits
 from planner.programs.reading.program import Program
 from planner.types import FloatArray, IntArray
 
@@ -79,8 +80,39 @@ class GrblSettings:
         if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not 0.0 <= value < np.inf:
             raise InputError(f"junction_deviation = {shorten(repr(value))} must be a number >= 0")
         blocks = self.planner_blocks
-        if isinstance(blocks, bool) or not isinstance(blocks, int | np.integer) or blocks < 2:
+        if isinstance(blocks, bool) or not isinstance(blocks, int | float | np.number) or not 2 <= blocks < np.inf:
             raise InputError(f"planner_blocks = {shorten(repr(blocks))} must be a whole number of at least 2")
+        if blocks != int(blocks):
+            raise InputError(f"planner_blocks = {blocks!r} must be a whole number of at least 2")
+        object.__setattr__(self, "planner_blocks", int(blocks))
+
+
+GRBL_KEYS = {
+    "junction_deviation_mm": "junction_deviation",
+    "arc_tolerance_mm": "arc_tolerance",
+    "planner_blocks": "planner_blocks",
+}
+"""Settings that are no limits, by their keys with units."""
+
+
+def grbl_on(limits: Limits) -> GrblSettings:
+    """The limits of a machine as $110 to $112 and $120 to $122; an axis that it lacks moves in no program of it.
+
+    Raises
+    ------
+    InputError
+        If an axis has no limit on its velocity or acceleration.
+    """
+    rows: dict[str, list[float]] = {"velocity": [], "acceleration": []}
+    for name in STRAIGHT_AXES:
+        for quantity, row in rows.items():
+            limit = getattr(limits, quantity)
+            row.append(float(limit[limits.axes.index(name)]) if name in limits.axes else float(limit.max()))
+    for quantity, row in rows.items():
+        for name, value in zip(STRAIGHT_AXES, row, strict=True):
+            if np.isinf(value):
+                raise InputError(f"the machine has no limit on the {quantity} of {name}; GRBL has none without it")
+    return GrblSettings(np.array(rows["velocity"]), np.array(rows["acceleration"]))
 
 
 def grbl_motion(program: Program, settings: GrblSettings) -> ControllerMotion:
@@ -99,8 +131,8 @@ def grbl_motion(program: Program, settings: GrblSettings) -> ControllerMotion:
         return np.floor(whole).astype(np.intp)
 
     blocks = straight_blocks(program, GRBL, chords, _WAITS_FOR)
-    rate = along(settings.acceleration, blocks.direction)
-    cap = np.minimum(np.maximum(blocks.feed, MIN_FEED), along(settings.max_rate, blocks.direction))
+    rate = limit_along(settings.acceleration, blocks.direction)
+    cap = np.minimum(np.maximum(blocks.feed, MIN_FEED), limit_along(settings.max_rate, blocks.direction))
     gain = 2.0 * blocks.length * rate
     allowed = np.minimum(_allowed_squared(blocks, settings, cap), _known_ahead(gain, settings.planner_blocks))
     ends = np.sqrt(look_ahead_squared(allowed, gain, gain))
@@ -109,7 +141,7 @@ def grbl_motion(program: Program, settings: GrblSettings) -> ControllerMotion:
     return shape.motion(GRBL, STRAIGHT_AXES, blocks.legs, blocks.length, blocks.line)
 
 
-def along(limit: FloatArray, direction: FloatArray) -> FloatArray:
+def limit_along(limit: FloatArray, direction: FloatArray) -> FloatArray:
     """Limits of the axes (3,) as one along unit vectors (n, 3): min_j limit_j / |n_j|, (n,)."""
     size = np.abs(direction)
     return np.asarray(np.divide(limit, size, out=np.full(size.shape, _NO_LIMIT), where=size > 0.0).min(axis=1))
@@ -123,7 +155,7 @@ def _allowed_squared(blocks: StraightBlocks, settings: GrblSettings, cap: FloatA
     straight, back = 1.0 - 2.0 * sine**2 < -_TURNED, 1.0 - 2.0 * sine**2 > _TURNED
     bent = ~straight & ~back
     inner = np.where(straight, _NO_LIMIT, 0.0)
-    rate = along(settings.acceleration, change[bent] / size[bent, None])
+    rate = limit_along(settings.acceleration, change[bent] / size[bent, None])
     inner[bent] = rate * settings.junction_deviation * sine[bent] / (1.0 - sine[bent])
     allowed = np.concatenate([[0.0], np.minimum(inner, np.minimum(cap[1:], cap[:-1]) ** 2), [0.0]])
     allowed[blocks.stop] = 0.0

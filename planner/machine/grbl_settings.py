@@ -5,6 +5,7 @@ $110 to $117            velocity of X Y Z A B C U V, mm/min (A, B and C in deg/m
 $120 to $127            acceleration, mm/s^2 (deg/s^2)
 $800 to $807            jerk of a grblHAL built with it, mm/s^3 (deg/s^3); absent: no limit
 $11                     junction deviation, mm: no limit here; ``notes`` say what stands for it
+$12                     arc tolerance, mm, as $11 for the model of the controller alone
 ======================  ======================================================================================
 
 Values are in mm whatever $13 reports.  Text after a value is a remark.  What controllers and senders say beside the settings
@@ -21,14 +22,16 @@ from dataclasses import dataclass
 from planner.errors import InputError
 from planner.geometry.curve import ROTARY_AXES
 from planner.inputs import plain_number, shorten
+from planner.machine.controller_words import ControllerWords
 from planner.machine.limits import RAPID
 from planner.machine.machine_table import AxisTable, MachineTable
+from planner.machine.program_setup import ProgramSetup
 from planner.quantity import ACCELERATION, FEED, JERK, VELOCITY
 
 _LETTERS = "XYZABCUV"
 _BASES = {VELOCITY: 110, ACCELERATION: 120, JERK: 800}
 _PER_MINUTE = {VELOCITY: 1.0 / 60.0, ACCELERATION: 1.0, JERK: 1.0}
-_DEVIATION = 11
+_DEVIATION, _ARC_TOLERANCE = 11, 12
 _SETTING = re.compile(r"(?:\[?\$(\d{1,6})\s*=)\s*([^\s(;/\]]*)(.*)", re.ASCII)
 _BESIDE = re.compile(r"(ok$|>|\$\$|\$[A-Za-z][\w/]*=|\$N\d+=|[Gg]rbl|\[.*\]$|<.*>$|[;#(]|//)", re.ASCII)
 _AGAIN = "send $$ to the controller again"
@@ -61,10 +64,14 @@ def grbl_machine(text: str, where: str) -> MachineTable:
         raise InputError(f"{where}: $110 is missing, the velocity of X in mm/min; {_AGAIN}")
     axes = [_axis(letter, k, settings) for k, letter in enumerate(_LETTERS[:count])]
     notes: tuple[str, ...] = ()
+    deviation = tolerance = None
+    if _ARC_TOLERANCE in settings:
+        tolerance = _positive(settings[_ARC_TOLERANCE], "arc tolerance, $12")
     if _DEVIATION in settings:
         deviation = _positive(settings[_DEVIATION], "junction deviation, $11", allow_zero=True)
         notes = (f"its junction deviation of {deviation:g} mm is no limit: the tolerance of the path stands for it",)
-    return MachineTable(where, {FEED.key: math.inf, RAPID: math.inf}, axes, notes=notes)
+    setup = ProgramSetup(controller=ControllerWords(junction_deviation=deviation, arc_tolerance=tolerance))
+    return MachineTable(where, {FEED.key: math.inf, RAPID: math.inf}, axes, setup, notes)
 
 
 def _settings(text: str, where: str) -> dict[int, _Setting]:

@@ -1,4 +1,4 @@
-"""Limits out of the section [printer] of a Klipper configuration.
+"""Limits out of the section [printer] of a Klipper configuration, and what its own planner goes by.
 
 ======================  ======================================================================================
 max_velocity            feed of all moves, rapids too, and velocity of X and Y, mm/s
@@ -6,6 +6,9 @@ max_accel               tangential acceleration, and acceleration of X and Y, mm
 max_z_velocity          velocity of Z; max_velocity if left out
 max_z_accel             acceleration of Z; max_accel if left out
 square_corner_velocity  no limit here: ``notes`` say what stands for it
+minimum_cruise_ratio    as square_corner_velocity for the model of the controller alone
+[gcode_arcs]
+resolution              the same: length of the chords of arcs, mm
 ======================  ======================================================================================
 
 Klipper limits acceleration along the path and, in corners, the change of the velocity; here max_accel holds for each axis
@@ -21,16 +24,20 @@ from pathlib import Path
 
 from planner.errors import InputError
 from planner.inputs import plain_number, shorten
+from planner.machine.controller_words import ControllerWords
 from planner.machine.included_lines import IncludedLines
 from planner.machine.limits import RAPID
 from planner.machine.machine_table import AxisTable, MachineTable
+from planner.machine.program_setup import ProgramSetup
 from planner.quantity import ACCELERATION, FEED, JERK, TANGENTIAL_ACCELERATION, VELOCITY
 
 _INCLUDE = re.compile(r"\[include\s+([^\]]*)\]")
 _SECTION = re.compile(r"\[([^\]]*)\]")
 _OPTION = re.compile(r"([^:=\s][^:=]*?)\s*[:=]\s*(.*)")
-_PRINTER = "printer"
-_KEYS = ("max_velocity", "max_accel", "max_z_velocity", "max_z_accel", "square_corner_velocity")
+_PRINTER, _ARCS = "printer", "gcode_arcs"
+_SQUARE_CORNER, _CRUISE, _RESOLUTION = "square_corner_velocity", "minimum_cruise_ratio", "resolution"
+_KEYS = ("max_velocity", "max_accel", "max_z_velocity", "max_z_accel", _SQUARE_CORNER, _CRUISE)
+_FROM_ZERO = (_SQUARE_CORNER, _CRUISE)
 
 Options = dict[str, tuple[str, str]]  # key: value and place
 
@@ -48,8 +55,18 @@ def klipper_machine(text: str, path: Path) -> MachineTable:
     InputError
         ``file:line: [printer] key: value`` and what is allowed; or what is missing.
     """
-    options = _printer_options(text, path)
+    sections = _options(text, path)
+    options = sections[_PRINTER]
     found = {key: _positive(key, *options[key]) for key in _KEYS if key in options}
+    if found.get(_CRUISE, 0.0) >= 1.0:
+        value, place = options[_CRUISE]
+        raise InputError(f"{place}: [printer] {_CRUISE} = {shorten(value)} must be < 1")
+    arcs = sections.get(_ARCS, {})
+    words = ControllerWords(
+        square_corner_velocity=found.get(_SQUARE_CORNER),
+        minimum_cruise_ratio=found.get(_CRUISE),
+        arc_resolution=_positive(_RESOLUTION, *arcs[_RESOLUTION], section=_ARCS) if _RESOLUTION in arcs else None,
+    )
     x, y, z = (AxisTable(letter, {JERK.key: math.inf}) for letter in "XYZ")
     for quantity, key, slow in (
         (VELOCITY, "max_velocity", "max_z_velocity"),
@@ -68,16 +85,16 @@ def klipper_machine(text: str, path: Path) -> MachineTable:
     feed = found.get("max_velocity", math.inf)
     head = {FEED.key: feed, RAPID: feed, TANGENTIAL_ACCELERATION.key: found.get("max_accel", math.inf)}
     notes: tuple[str, ...] = ()
-    if "square_corner_velocity" in found:
-        speed = found["square_corner_velocity"]
+    if _SQUARE_CORNER in found:
+        speed = found[_SQUARE_CORNER]
         notes = (f"its square_corner_velocity of {speed:g} mm/s is no limit: the tolerance of the path stands for it",)
-    return MachineTable(str(path), head, [x, y, z], notes=notes)
+    return MachineTable(str(path), head, [x, y, z], ProgramSetup(controller=words), notes)
 
 
-def _printer_options(text: str, path: Path) -> Options:
-    """The options of the section [printer], the last of each."""
-    options: Options = {}
-    section, seen = "", False
+def _options(text: str, path: Path) -> dict[str, Options]:
+    """The options of the sections [printer] and [gcode_arcs], the last of each."""
+    sections: dict[str, Options] = {}
+    section = ""
     for source in IncludedLines(_INCLUDE, patterns=True).of(text, path):
         line = re.split(r"#|(?:^|\s);", source.text)[0].rstrip()
         if not line or line[0].isspace():  # a line that continues the one before: of macros
@@ -85,26 +102,27 @@ def _printer_options(text: str, path: Path) -> Options:
         head = _SECTION.match(line)
         if head is not None:
             section = head[1].strip()
-            seen = seen or section == _PRINTER
-        elif section == _PRINTER:
+            if section in {_PRINTER, _ARCS}:
+                sections.setdefault(section, {})
+        elif section in sections:
             option = _OPTION.match(line)
             if option is None:
                 raise InputError(
-                    f'{source.place}: {shorten(line)}: is no option of [printer], such as "max_velocity: 300"'
+                    f'{source.place}: {shorten(line)}: is no option of [{section}], such as "max_velocity: 300"'
                 )
-            options[option[1].lower()] = option[2].strip(), source.place
+            sections[section][option[1].lower()] = option[2].strip(), source.place
         elif line[0] == "[":
             raise InputError(f'{source.place}: {shorten(line)}: a section must have its name in "[ ]"')
-    if not seen:
+    if _PRINTER not in sections:
         raise InputError(f"{path}: [printer] is missing, the section with max_velocity and max_accel")
-    return options
+    return sections
 
 
-def _positive(key: str, value: str, place: str) -> float:
+def _positive(key: str, value: str, place: str, section: str = _PRINTER) -> float:
     number = plain_number(value)
-    least_is_zero = key == "square_corner_velocity"
+    least_is_zero = key in _FROM_ZERO
     if number is None or not 0.0 <= number < math.inf or (number == 0.0 and not least_is_zero):
         raise InputError(
-            f"{place}: [printer] {key} = {shorten(value)} must be a number {'>=' if least_is_zero else '>'} 0"
+            f"{place}: [{section}] {key} = {shorten(value)} must be a number {'>=' if least_is_zero else '>'} 0"
         )
     return number

@@ -20,7 +20,7 @@ from planner.geometry.curve import AXES, ROTARY_AXES
 from planner.inputs import shorten
 from planner.machine.limits import DEFAULT_PERIOD, PERIOD, RAPID, SCALARS
 from planner.machine.machine_table import AxisTable, MachineTable
-from planner.machine.program_setup import SYSTEMS, Point, ProgramSetup, RestTimes
+from planner.machine.program_setup import SYSTEMS, ProgramSetup, RestTimes
 from planner.quantity import AXIS, FEED, QUANTITIES
 
 LENGTHS = {
@@ -237,7 +237,7 @@ def _program(table: Any, page: _Page) -> ProgramSetup:
             raise InputError(f"{at}: {said} must be a table with a point for each of {', '.join(SYSTEMS)} that has one")
         for system, point in value.items():
             offsets.setdefault(system, {}).update(_point(point, unit, at, f"{said}.{system}"))
-    homes: dict[str, Point | None] = {name: points.get(name) for name in _HOMES}
+    homes: dict[str, Any] = {name: points.get(name) for name in _HOMES}
     return ProgramSetup(tools, **homes, offsets=offsets, rests=RestTimes(**rests))
 
 

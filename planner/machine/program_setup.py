@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from planner.machine.controller_words import ControllerWords
 from planner.types import FloatArray
 
 SYSTEMS = ("G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3")
@@ -47,6 +48,8 @@ class ProgramSetup:
     offsets : mapping of str to mapping
         Origins of coordinate systems, by their words.
     rests : RestTimes
+    controller : ControllerWords
+        What the file says of the controller's own planner.
     """
 
     tools: Path | None = None
@@ -55,6 +58,7 @@ class ProgramSetup:
     tool_change: Point | None = None
     offsets: Mapping[str, Point] = field(default_factory=dict)
     rests: RestTimes = RestTimes()
+    controller: ControllerWords = field(default_factory=ControllerWords)
 
 
 def vector(point: Point | None, axes: Sequence[str]) -> FloatArray:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from planner import InputError
-from planner.controllers.grbl import GrblSettings, along, grbl_motion
+from planner.controllers.grbl import GrblSettings, grbl_motion, limit_along
 
 PLAIN = GrblSettings([100.0] * 3, [1000.0] * 3)
 
@@ -37,7 +37,7 @@ class TestOneLine:
         assert grbl_motion(program("G1 X0.1 F0.5\nM2\n"), PLAIN).duration == pytest.approx(6.0, rel=1e-3)
 
     def test_along_an_axis_that_does_not_move(self):
-        assert along(np.array([1.0, 2.0, 3.0]), np.array([[0.0, 0.0, -1.0]])).tolist() == [3.0]
+        assert limit_along(np.array([1.0, 2.0, 3.0]), np.array([[0.0, 0.0, -1.0]])).tolist() == [3.0]
 
 
 class TestJunctions:
@@ -49,7 +49,7 @@ class TestJunctions:
         text = f"G91 G1 X100 F6000\nX{100 * np.cos(t):.12f} Y{100 * np.sin(t):.12f}\nM2\n"
         own = settings(junction_deviation=deviation)
         change = np.array([[np.cos(t) - 1.0, np.sin(t), 0.0]])
-        a = along(own.acceleration, change / np.linalg.norm(change))[0]
+        a = limit_along(own.acceleration, change / np.linalg.norm(change))[0]
         half = np.sin(np.radians(degrees) / 2)
         radius = deviation * half / (1 - half)
         assert radius / half - radius == pytest.approx(deviation)
@@ -75,7 +75,7 @@ class TestJunctions:
 class TestBuffer:
     @pytest.mark.parametrize("held", [2, 5, 15])
     def test_speed_on_many_short_blocks(self, program, held):
-        """Of blocks of length L no junction is faster than the stop over the ones known behind it: v^2 = 2 a (held - 1) L."""
+        """No junction is faster than the stop over the blocks known behind it: v^2 = 2 a (held - 1) L."""
         text = "G91 F6000\n" + "G1 X0.05\n" * 400 + "M2\n"
         motion = grbl_motion(program(text), settings(planner_blocks=held))
         steady = np.sqrt(2 * 1000 * (held - 1) * 0.05)
@@ -98,11 +98,11 @@ class TestBuffer:
             motion = grbl_motion(made, settings(planner_blocks=held))
             length, n = motion.length, motion.length.size
             direction = free.legs.vectors[:, 3]
-            rate = along(PLAIN.acceleration, direction)
+            rate = limit_along(PLAIN.acceleration, direction)
             cosine = -np.sum(direction[1:] * direction[:-1], axis=1)
             half = np.sqrt(0.5 * (1 - cosine))
             change = direction[1:] - direction[:-1]
-            junction = along(PLAIN.acceleration, change / np.linalg.norm(change, axis=1)[:, None])
+            junction = limit_along(PLAIN.acceleration, change / np.linalg.norm(change, axis=1)[:, None])
             allowed = np.minimum(np.concatenate([[0], junction * 0.01 * half / (1 - half), [0]]), 100.0**2)
             v2 = [0.0]
             for i in range(n):
@@ -174,7 +174,7 @@ class TestBadInput:
             ({"junction_deviation": "0.01"}, "junction_deviation = '0.01'"),
             ({"arc_tolerance": 0.0}, "arc_tolerance = 0.0 must be a number > 0"),
             ({"planner_blocks": 1}, "planner_blocks = 1 must be a whole number of at least 2"),
-            ({"planner_blocks": 15.0}, "planner_blocks = 15.0"),
+            ({"planner_blocks": 15.5}, "planner_blocks = 15.5 must be a whole"),
         ],
     )
     def test_settings(self, changes, message):

@@ -21,6 +21,7 @@ from feedplan.cli import app
 from planner import load_curve, load_limits, plan_feedrate, write_table
 from planner.errors import InputError
 from planner.geometry import catalog
+from planner.machine.machine_file import read_machine
 from planner.machine.machine_toml import HEAD_KEYS, LENGTHS, PROGRAM_KEYS, axis_keys, unit_keys
 from planner.output.table import _KEYS
 from planner.output.table_header import OPTIONAL_KEYS
@@ -253,10 +254,13 @@ def test_units_and_the_table_of_programs():
 
 @pytest.mark.parametrize(
     ("table", "file", "own"),
-    [("klipper", "printer.cfg", {"square_corner_velocity"}), ("grbl", "grbl.txt", {"$11", "$800"})],
+    [
+        ("klipper", "printer.cfg", {"square_corner_velocity", "minimum_cruise_ratio"}),
+        ("grbl", "grbl.txt", {"$11", "$12", "$800"}),
+    ],
 )
 def test_every_key_of_a_controller_counts(tmp_path, table, file, own):
-    """The block of the page has the keys of the list, and each of them but those that are only said changes the limits."""
+    """The block of the page has the keys of the list, and each of them changes the limits, or what the model goes by."""
     text = next(block.text for block in blocks(DOCS / "format-machine.md") if block.remark == f"file: {file}")
     lines = text.splitlines(keepends=True)
     shown = {}
@@ -269,6 +273,12 @@ def test_every_key_of_a_controller_counts(tmp_path, table, file, own):
         path.write_text(shown[key])
         with suppress(InputError):
             assert load_limits(path) != whole, f"{key} changes nothing"
+    path.write_text(text)
+    words = read_machine(path).setup.controller
+    for key in own - {"$800"}:  # of a grblHAL alone
+        path.write_text(shown[key])
+        assert read_machine(path).setup.controller != words, f"{key} changes nothing"
+    assert read_machine(path).limits == whole
 
 
 def test_words_of_a_program():

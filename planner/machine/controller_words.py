@@ -1,0 +1,28 @@
+"""What the file of a controller says of its own planner: no limit of ours, but what a model of that controller needs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class ControllerWords:
+    """Settings by what they are, mm and s; None where the file does not say.
+
+    Attributes
+    ----------
+    junction_deviation, arc_tolerance : float, optional
+        $11 and $12 of GRBL, mm.
+    square_corner_velocity : float, optional
+        Of Klipper, mm/s.
+    minimum_cruise_ratio : float, optional
+        Of Klipper.
+    arc_resolution : float, optional
+        ``resolution`` in [gcode_arcs] of Klipper, mm.
+    """
+
+    junction_deviation: float | None = None
+    arc_tolerance: float | None = None
+    square_corner_velocity: float | None = None
+    minimum_cruise_ratio: float | None = None
+    arc_resolution: float | None = None
