@@ -19,6 +19,7 @@ ELSEWHERE = {
     "feedplan/comparison/test_comparison.py": tuple(
         f"feedplan.comparison{name}" for name in (".judgement", ".methods", ".result", ".two_paths")
     ),
+    "feedplan/test_controller_time.py": ("feedplan.controller_text",),
     "feedplan/test_job.py": ("feedplan.sources",),
     "feedplan/test_page.py": ("feedplan.cli.report",),
     "feedplan/test_program_time.py": ("feedplan.time_text",),

@@ -86,6 +86,20 @@ tolerances = click.option(
     help=f"Say what the tolerance buys: the time within each of these, {_USUAL} if none are named.",
     callback=lambda _context, _parameter, text: None if text is None else read_tolerances(text, "--tolerances-um"),
 )
+controllers = click.option(
+    "--controller",
+    "controllers",
+    multiple=True,
+    metavar="NAME",
+    help="Controller to time it on as well, by a model: klipper, grbl, several with commas, or all.",
+)
+controller_settings = click.option(
+    "--controller-setting",
+    "controller_settings",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="What the controller goes by in place of the machine file, as junction_deviation_mm=0.02; may be repeated.",
+)
 tools = click.option("--tools", type=FILE, help="Tool table of LinuxCNC, .tbl, for a part program's G41, G42 and G43.")
 setup = click.option(
     "--setup",

@@ -38,6 +38,8 @@ if TYPE_CHECKING:
 @options.side
 @click.option("--feed-mm-s", type=float, help="Largest feed, in place of the machine's.")
 @click.option("--tool-change-s", type=float, help="Time of a tool change, in place of the machine file's.")
+@options.controllers
+@options.controller_settings
 @click.option("--rows", type=click.IntRange(min=0), default=12, help="How many of the longest lines to print.")
 @click.option("--output", "-o", type=options.FILE, help=f"Every line, {ANY_COLUMN_FORMAT}.")
 @options.as_json
@@ -55,6 +57,8 @@ def time(
     side: PathSide | None,
     feed_mm_s: float | None,
     tool_change_s: float | None,
+    controllers: tuple[str, ...],
+    controller_settings: tuple[str, ...],
     rows: int,
     output: Path | None,
     as_json: bool,
@@ -62,7 +66,8 @@ def time(
     """Tell the time of a part program, and of each line of it.
 
     The total has motion, dwells, and tool changes if the machine file or --tool-change-s says how long one takes.  Beside
-    it, the least time of the same path without a jerk limit, and with --tolerances-um what another tolerance saves.
+    it, the least time of the same path without a jerk limit, with --tolerances-um what another tolerance saves, and with
+    --controller what a model of another controller takes on the same machine.
     Exit code 1: a plan breaks a limit.
     """
     with Streams() as at:
@@ -75,12 +80,18 @@ def time(
             "path": path,
             "side": side,
         }  # fmt: skip
+        from feedplan.controller_text import controller_facts, controller_lines
+        from feedplan.controller_time import chosen_controllers, controller_times
         from feedplan.program_time import time_program
         from feedplan.progress import ProgressLine
         from feedplan.time_text import time_facts, time_text
         from feedplan.tolerances import time_of_tolerances, tolerance_facts, tolerance_lines
 
+        chosen = chosen_controllers(controllers, controller_settings)
         with ProgressLine() as line:
+            elsewhere = controller_times(
+                program, machine, chosen, complete=complete, feed=feed_mm_s, tools=tools, ignore=ignore, reader=reader
+            )
             found = time_program(
                 program,
                 machine,
@@ -101,9 +112,15 @@ def time(
             facts = time_facts(found)
             if others is not None:
                 facts["tolerances"] = tolerance_facts(found.planned, others)
+            if elsewhere:
+                facts["controllers"] = controller_facts(found, elsewhere)
             click.echo(json.dumps(facts, indent=2, allow_nan=False), err=at.taken)
         else:
             text = time_text(found, rows, "" if output is None else at.told(str(output)))
-            show(text if others is None else [*text, "", *tolerance_lines(found.planned, others)], aside=at.taken)
+            if others is not None:
+                text += ["", *tolerance_lines(found.planned, others)]
+            if elsewhere:
+                text += ["", *controller_lines(found, elsewhere, rows)]
+            show(text, aside=at.taken)
         if not found.ok or any(row.breaks for row in others or ()):
             raise click.exceptions.Exit(BROKEN)
