@@ -1,9 +1,9 @@
 """The workers of a Dask cluster that do tasks, as the processes of :mod:`feedplan.local_processes` do.
 
-A worker needs feedplan installed, in the version of the one who asks, and no disk in common with it: what a task needs
-travels with it.  A task whose worker dies is given to another by the scheduler, which gives up a task when more workers
-died than its setting ``distributed.scheduler.allowed-failures`` says; so it does with the tasks that waited beside it, which
-is why these are tried again alone.
+Scheduler and workers need feedplan installed, in the version of the one who asks, and no disk in common with it: what a
+task needs travels with it.  A task whose worker dies is given to another by the scheduler, which gives up a task when more
+workers died than its setting ``distributed.scheduler.allowed-failures`` says.  So it does with the tasks that waited beside
+it: they are tried again alone.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import re
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import CancelledError, Future
+from contextlib import suppress
 from types import TracebackType
 from typing import Any, TypeVar
 
@@ -37,7 +38,7 @@ class DaskCluster:
     Parameters
     ----------
     address : str
-        Of the scheduler, ``tcp://host:port`` or ``tls://host:port``; with ``tls`` Dask's own settings say where the keys are.
+        Of the scheduler, ``tcp://host:port`` or ``tls://host:port``; with ``tls`` Dask's settings say where the keys are.
     max_idle : float
         Seconds without any worker after which the cluster is given up.
 
@@ -110,9 +111,11 @@ class DaskCluster:
             self._gone = True
         if self._gone or now - self._asked < _INTERVAL:
             return
-        try:
-            found = self._client.sync(self._client.scheduler.identity, n_workers=-1, callback_timeout=_MAX_SILENCE)
-        except OSError:  # it hung up, or is silent
+        found: dict[str, Any] | None = None
+        if (scheduler := self._client.scheduler) is not None:
+            with suppress(OSError):  # it hung up, or is silent
+                found = self._client.sync(scheduler.identity, n_workers=-1, callback_timeout=_MAX_SILENCE)
+        if found is None:
             self._gone = True
             return
         self._asked = now
@@ -125,7 +128,9 @@ class DaskCluster:
         from distributed.scheduler import KilledWorker
 
         if isinstance(error, KilledWorker):
-            return "every worker that had it died, again and again: they were killed, as when memory runs out, or crashed"
+            return (
+                "every worker that had it died, again and again: they were killed, as when memory runs out, or crashed"
+            )
         if isinstance(error, CancelledError):
             return "the scheduler let go of it, twice"
         if isinstance(error, ModuleNotFoundError):
@@ -148,18 +153,31 @@ class DaskCluster:
             raise InputError(
                 f"the scheduler at {self._address} has no workers; start some: dask worker {self._address} --nthreads 1"
             ) from None
-        for name, found in self._client.run(installed_version, on_error="return").items():
-            if found != __version__:
-                has = f"no feedplan ({found})" if isinstance(found, BaseException) else f"feedplan {found}"
-                raise InputError(f"the worker {name} has {has}; install feedplan {__version__}, which asks, on all of them")
+        self._require_versions()
         self._look()
+
+    def _require_versions(self) -> None:
+        """The scheduler looks into what it hands on, so it needs feedplan too."""
+        found: dict[str, Any] = {}
+        try:
+            found["the scheduler"] = self._client.run_on_scheduler(installed_version)
+        except ImportError as error:
+            found["the scheduler"] = error
+        for name, answer in self._client.run(installed_version, on_error="return").items():
+            found[f"the worker {name}"] = answer
+        for name, answer in found.items():
+            if answer != __version__:
+                has = f"no feedplan ({answer})" if isinstance(answer, BaseException) else f"feedplan {answer}"
+                raise InputError(f"{name} has {has}; install feedplan {__version__}, which asks, on all of them")
 
 
 def require_address(address: str) -> str:
     """Refuse what is not the address of a scheduler."""
     match = _ADDRESS.fullmatch(address)
     if match is None or not 0 < int(match[1]) <= _MAX_PORT:
-        raise InputError(f'scheduler "{address}" must be tcp://host:port, as tcp://10.0.0.5:8786, with a port up to {_MAX_PORT}')
+        raise InputError(
+            f'scheduler "{address}" must be tcp://host:port, as tcp://10.0.0.5:8786, with a port up to {_MAX_PORT}'
+        )
     return address
 
 
@@ -177,7 +195,9 @@ def _require_scheduler(address: str) -> None:
         # make a number that may be too large for the memory.
         raise _no_scheduler(address, error) from None
     if found.get("type") != "Scheduler":
-        raise InputError(f"at {address} there is no scheduler but a {found.get('type')}; give the address of its scheduler")
+        raise InputError(
+            f"at {address} there is no scheduler but a {found.get('type')}; give the address of its scheduler"
+        )
 
 
 async def _identity(address: str) -> dict[str, Any]:
@@ -194,6 +214,6 @@ async def _identity(address: str) -> dict[str, Any]:
 
 def _no_scheduler(address: str, error: BaseException) -> InputError:
     return InputError(
-        f"no Dask scheduler answers at {address} ({str(error) or type(error).__name__}); start one (dask scheduler) or correct "
-        "the address"
+        f"no Dask scheduler answers at {address} ({str(error) or type(error).__name__}); start one (dask scheduler) or "
+        "correct the address"
     )

@@ -41,7 +41,7 @@ def threads(_):
 
 
 def die(marks):
-    """Note that it was begun, and die at once, as a process does for which there is no memory."""
+    """Note that it was begun, and die, as a process does for which there is no memory."""
     _note(marks)
     os.kill(os.getpid(), signal.SIGKILL)
 

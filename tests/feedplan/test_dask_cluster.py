@@ -24,7 +24,7 @@ from planner import __version__
 from planner.errors import InfeasibleError, InputError
 
 distributed = pytest.importorskip("distributed")  # an extra: feedplan[dask]
-PATHS = os.pathsep.join(map(str, (PROJECT, PROJECT / "tests")))
+ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, (PROJECT, PROJECT / "tests")))}
 
 
 def task(key, work, *arguments):
@@ -47,7 +47,6 @@ def cluster():
 
 @pytest.fixture
 def pool(cluster):
-    cluster.scale(2)
     with DaskCluster(cluster.scheduler_address) as found:
         yield found
 
@@ -93,19 +92,21 @@ class TestTwoWorkers:
         assert [batch_work.begun(mark) for mark in marks].count(0) == 0
         assert sum(map(batch_work.begun, marks)) > 10  # the death was in the middle of one
 
-    def test_a_task_that_kills_every_worker_is_told_and_the_others_are_done(self, pool, tmp_path):
-        tasks = [task("dies", batch_work.die, tmp_path / "dies")]
-        tasks += [task(str(k), batch_work.double, k) for k in range(6)]
-        found = run_batch(tasks, pool).outcomes
-        assert re.match("every worker that had it died, again and again", str(found["dies"].error))
-        assert [found[str(k)].value for k in range(6)] == [0, 2, 4, 6, 8, 10]
-        assert batch_work.begun(tmp_path / "dies") == 2 * 4  # the scheduler allows three deaths
-
 
 class TestWhatIsNotThere:
     @pytest.mark.parametrize(
         "address",
-        ["", "foo", "tcp://", "tcp://host", "host:8786", "http://host:80", "tcp://host:0", "tcp://host:99999", "tcp://a b:1"],
+        [
+            "",
+            "foo",
+            "tcp://",
+            "tcp://host",
+            "host:8786",
+            "http://host:80",
+            "tcp://host:0",
+            "tcp://host:99999",
+            "tcp://a b:1",
+        ],
     )
     def test_what_is_no_address_is_refused(self, address):
         with pytest.raises(InputError, match=re.escape(f'scheduler "{address}" must be tcp://host:port')):
@@ -155,8 +156,9 @@ class TestWhatIsNotThere:
 
             def greet():
                 connection, _ = greeting.accept()
-                connection.sendall(b"SSH-2.0-OpenSSH_9.2p1\r\n" * 4)
-                connection.recv(1)
+                with connection:
+                    connection.sendall(b"SSH-2.0-OpenSSH_9.2p1\r\n" * 4)
+                    connection.recv(1)
 
             threading.Thread(target=greet, daemon=True).start()
             self.refused(f"tcp://127.0.0.1:{greeting.getsockname()[1]}")
@@ -182,11 +184,12 @@ class TestWhatIsNotThere:
 
 @pytest.fixture
 def scheduler(tmp_path):
-    """A scheduler of its own process, and its address."""
+    """A scheduler in a process of its own, which gives up a task at the first death, and its address."""
     file = tmp_path / "scheduler.json"
     command = "import sys; from distributed.cli.dask_scheduler import main; main()"
+    environment = {**ENVIRONMENT, "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "0"}
     arguments = ["--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(file)]
-    run = subprocess.Popen([sys.executable, "-c", command, *arguments], stderr=subprocess.DEVNULL)
+    run = subprocess.Popen([sys.executable, "-c", command, *arguments], env=environment, stderr=subprocess.DEVNULL)
     try:
         assert eventually(lambda: file.exists() and file.read_text().strip().endswith("}"))
         yield run, json.loads(file.read_text())["address"]
@@ -196,17 +199,20 @@ def scheduler(tmp_path):
 
 
 @pytest.fixture
-def worker():
-    """Start a worker of a scheduler; ended with the test."""
+def workers():
+    """Start workers of a scheduler; ended with the test."""
     runs = []
 
-    def start(address, *more):
-        command = "import sys; from distributed.cli.dask_worker import main; main()"
-        arguments = [address, "--no-nanny", "--no-dashboard", "--death-timeout", "20", *more]
-        environment = {**os.environ, "PYTHONPATH": PATHS}
-        run = subprocess.Popen([sys.executable, "-c", command, *arguments], env=environment, stderr=subprocess.DEVNULL)
-        runs.append(run)
-        return run
+    def start(address, count, *, threads=1, before=""):
+        command = f"import sys; {before}from distributed.cli.dask_worker import main; main()"
+        arguments = [address, "--no-nanny", "--no-dashboard", "--nthreads", str(threads), "--death-timeout", "20"]
+        runs.extend(
+            subprocess.Popen([sys.executable, "-c", command, *arguments], env=ENVIRONMENT, stderr=subprocess.DEVNULL)
+            for _ in range(count)
+        )
+        with distributed.Client(address, set_as_default=False) as client:
+            client.wait_for_workers(count, timeout=60)
+        return runs
 
     yield start
     for run in runs:
@@ -215,13 +221,29 @@ def worker():
 
 
 class TestWhatDies:
-    def test_a_scheduler_without_workers(self, scheduler, monkeypatch):
-        monkeypatch.setattr(feedplan.dask_cluster, "_PATIENCE", 1.0)
-        with pytest.raises(InputError, match=r"has no workers; start some: dask worker tcp://127\.0\.0\.1:\d+ --nthreads 1"):
+    def test_a_task_that_kills_every_worker_is_told_and_the_others_are_done(self, scheduler, workers, tmp_path):
+        """Others may wait at a worker that it kills: tried again alone, they are done, and it is not."""
+        workers(scheduler[1], 3)
+        with DaskCluster(scheduler[1]) as pool:
+            assert eventually(lambda: pool.room() == 6)
+            tasks = [task("dies", batch_work.die, tmp_path / "dies")]
+            tasks += [task(str(k), batch_work.double, k) for k in range(6)]
+            found = run_batch(tasks, pool).outcomes
+        assert re.match("every worker that had it died", str(found["dies"].error))
+        assert [found[str(k)].value for k in range(6)] == [0, 2, 4, 6, 8, 10]
+        assert batch_work.begun(tmp_path / "dies") == 2
+
+    def test_no_workers_and_one_without_feedplan_are_told(self, scheduler, workers, monkeypatch):
+        with monkeypatch.context() as soon:
+            soon.setattr(feedplan.dask_cluster, "_PATIENCE", 1.0)
+            with pytest.raises(InputError, match=r"has no workers; start some: dask worker tcp:.*:\d+ --nthreads 1"):
+                DaskCluster(scheduler[1])
+        workers(scheduler[1], 1, before="sys.modules['feedplan'] = None; ")
+        with pytest.raises(InputError, match=rf"the worker tcp.* has no feedplan \(.*install feedplan {__version__}"):
             DaskCluster(scheduler[1])
 
-    def test_a_scheduler_that_dies_leaves_what_is_done(self, scheduler, worker, tmp_path):
-        worker(scheduler[1], "--nthreads", "1")
+    def test_a_scheduler_that_dies_leaves_what_is_done(self, scheduler, workers, tmp_path):
+        workers(scheduler[1], 1)
         marks = [tmp_path / "marks" / str(k) for k in range(6)]
 
         def kill():
@@ -242,8 +264,8 @@ class TestWhatDies:
         for key in "345":
             assert re.match(r"the scheduler at tcp://.* is gone", str(found.outcomes[key].error))
 
-    def test_a_cluster_whose_workers_are_all_gone_is_not_waited_for(self, scheduler, worker, tmp_path):
-        only = worker(scheduler[1], "--nthreads", "2")
+    def test_a_cluster_whose_workers_are_all_gone_is_not_waited_for(self, scheduler, workers, tmp_path):
+        (only,) = workers(scheduler[1], 1, threads=2)
 
         def kill():
             assert eventually(lambda: batch_work.begun(tmp_path / "a") == 1)
@@ -257,13 +279,10 @@ class TestWhatDies:
         killer.join()
         assert "has had no worker for 2 s" in str(found["a"].error)
 
-    def test_a_worker_without_feedplan_is_told(self, scheduler):
-        command = "import sys; sys.modules['feedplan'] = None; from distributed.cli.dask_worker import main; main()"
-        arguments = [scheduler[1], "--no-nanny", "--no-dashboard", "--nthreads", "1"]
-        run = subprocess.Popen([sys.executable, "-c", command, *arguments], stderr=subprocess.DEVNULL)
-        try:
-            with pytest.raises(InputError, match=rf"has no feedplan \(.*install feedplan {re.escape(__version__)}"):
-                DaskCluster(scheduler[1])
-        finally:
-            run.kill()
-            run.wait()
+    def test_a_scheduler_without_feedplan_is_told(self, cluster, monkeypatch):
+        def missing(*_):
+            raise ModuleNotFoundError("No module named 'feedplan'")
+
+        monkeypatch.setattr(distributed.Client, "run_on_scheduler", missing)
+        with pytest.raises(InputError, match=r"the scheduler has no feedplan \(No module"):
+            DaskCluster(cluster.scheduler_address)
