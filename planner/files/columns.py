@@ -20,13 +20,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from typing import Any, BinaryIO, TextIO
+from typing import Any, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputError
-from planner.files.archive import array_names, open_archive, read_array
+from planner.files.archive import array_names, open_archive, read_array, write_arrays
 from planner.files.formats import file_format
 from planner.files.whole_file import whole_file
 from planner.inputs import require_path, shorten
@@ -37,7 +37,6 @@ _ROWS_AT_ONCE = 5000  # bounds the memory that text takes: a cell is ten times i
 _DIGITS = frozenset("0123456789+-.eE")
 _WORDS = frozenset("nanif")  # of nan and inf, which get a message of their own
 _SEALS = ("rows_sha256", "header_sha256")
-ZIP_DATE = (1980, 1, 1, 0, 0, 0)  # the earliest a zip archive can say; the time of writing would change the bytes
 
 
 def write_columns(
@@ -71,7 +70,7 @@ def write_columns(
     lines = "".join(f"# {key} = {value}\n" for key, value in sealed.items())
     with whole_file(path) as file:
         if suffix == ".npz":
-            _write_npz(file, lines, columns)
+            write_arrays(file, {"header": np.array(_encode(lines).decode("utf-8"))} | dict(columns))
         else:
             file.writelines(_encode(text) for text in _csv(lines, columns, words))
 
@@ -103,15 +102,6 @@ def _csv(lines: str, columns: Columns, words: Mapping[str, Sequence[str]]) -> It
             part = values[first : first + _ROWS_AT_ONCE].tolist()
             cells.append([words[name][i] for i in part] if name in words else map(repr, part))
         yield "\n".join(map(",".join, zip(*cells, strict=True))) + "\n"
-
-
-def _write_npz(file: BinaryIO, lines: str, columns: Columns) -> None:
-    """Write what numpy.savez would, but with a fixed date."""
-    members = {"header": np.array(_encode(lines).decode("utf-8"))} | dict(columns)
-    with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:
-        for name, values in members.items():
-            with archive.open(zipfile.ZipInfo(f"{name}.npy", ZIP_DATE), "w", force_zip64=True) as entry:
-                np.lib.format.write_array(entry, values, allow_pickle=False)
 
 
 @dataclass(frozen=True)

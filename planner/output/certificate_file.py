@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from planner.certificate import Certificate, CertificateSection
 from planner.errors import InputError
-from planner.files.columns import ZIP_DATE
+from planner.files.archive import write_arrays
 from planner.files.whole_file import whole_file
 from planner.inputs import require_instance, require_path
 
@@ -55,10 +55,8 @@ def write_certificate(path: str | Path, certificate: Certificate) -> None:
         "jerk": np.concatenate([s.jerk for s in sections], axis=1),
         "acceleration": np.concatenate([s.acceleration for s in sections], axis=1),
     }
-    with whole_file(path) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:
-        for name, values in members.items():
-            with archive.open(zipfile.ZipInfo(f"{name}.npy", ZIP_DATE), "w", force_zip64=True) as entry:
-                np.lib.format.write_array(entry, np.ascontiguousarray(values), allow_pickle=False)
+    with whole_file(path) as file:
+        write_arrays(file, members)
 
 
 def read_certificate(path: str | Path) -> Certificate:
