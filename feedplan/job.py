@@ -298,7 +298,7 @@ def plan_and_check(
 
 def load_job(
     source: str | Path | Curve,
-    machine: str | Path | Limits | None = None,
+    machine: str | Path | Limits | Machine | None = None,
     *,
     complete: Mapping[str, float] | None = None,
     scale: float = 1.0,
@@ -321,8 +321,8 @@ def load_job(
     ----------
     source : str, Path or Curve
         The name or file of a curve, as :func:`planner.load_curve` takes it, a part program, or a curve.
-    machine : str, Path or Limits, optional
-        A machine file or an example machine, or limits; left out, the example that has the curve's axes.
+    machine : str, Path, Limits or Machine, optional
+        A machine file or an example machine, limits, or a machine as read; left out, the example that has the curve's axes.
     complete : mapping of str to float, optional
         Limits for the axes that the machine file has none for, as for :func:`planner.load_limits`.
     scale : float
@@ -382,17 +382,17 @@ def load_job(
 
 
 def load_machine(
-    machine: str | Path | Limits | None, example: str = "mill", *, complete: Mapping[str, float] | None = None
+    machine: str | Path | Limits | Machine | None, example: str = "mill", *, complete: Mapping[str, float] | None = None
 ) -> tuple[Machine, str]:
     """Load a machine, or an example where none is given; with it comes what to call it, and what to know of its limits."""
     from planner import Limits
     from planner.machine.machine_file import read_machine
     from planner.machine.machine_table import Machine
 
-    if isinstance(machine, Limits):
+    if isinstance(machine, Limits | Machine):
         if complete:
             raise InputError(f"{', '.join(complete)}: completes a machine file; limits are given whole")
-        return Machine(machine), GIVEN
+        return machine if isinstance(machine, Machine) else Machine(machine), GIVEN
     found = read_machine(example if machine is None else machine, complete)
     name = f"{example} (example machine)" if machine is None else str(machine)
     return found, f"{name} ({'; '.join(found.notes)})" if found.notes else name

@@ -22,6 +22,7 @@ from planner.programs.times import LineTimes, write_line_times
 
 if TYPE_CHECKING:
     from planner.machine.limits import Limits
+    from planner.machine.machine_table import Machine
     from planner.profile import FeedrateProfile
     from planner.types import Progress
     from planner.verify import Report
@@ -100,7 +101,7 @@ class ProgramTime:
 
 def time_program(
     program: str | Path,
-    machine: str | Path | Limits | None = None,
+    machine: str | Path | Limits | Machine | None = None,
     *,
     tool_change_s: float | None = None,
     progress: Progress | None = None,
@@ -111,7 +112,7 @@ def time_program(
     Parameters
     ----------
     program : str or Path
-    machine : str, Path or Limits, optional
+    machine : str, Path, Limits or Machine, optional
         As for :func:`load_job`.
     tool_change_s : float, optional
         Time of a tool change, s, in place of what the machine file says.

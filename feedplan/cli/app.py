@@ -124,12 +124,13 @@ def exits() -> Iterator[None]:
         if interrupted:
             raise click.exceptions.Exit(INTERRUPTED) from None
         click.echo(f"error: {error}", err=True)
-        raise click.exceptions.Exit(_code(error)) from None
+        raise click.exceptions.Exit(exit_code(error)) from None
     finally:
         signal.signal(signal.SIGINT, previous)
 
 
-def _code(error: FeedrateError) -> int:
+def exit_code(error: FeedrateError) -> int:
+    """Return the exit code that an error stands for."""
     codes = {BrokenLimitError: BROKEN, InputError: BAD_INPUT, CoreError: NOT_WHOLE}
     return next((code for kind, code in codes.items() if isinstance(error, kind)), NO_PLAN)
 

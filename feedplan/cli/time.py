@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from feedplan.cli import options
+from feedplan.cli import batches, options
 from feedplan.cli.app import BROKEN, notice, require_apart, require_outputs, show
 from feedplan.cli.streams import Streams
 from feedplan.sources import require_program
@@ -18,6 +18,8 @@ from planner.files.formats import ANY_COLUMN_FORMAT
 if TYPE_CHECKING:
     from planner.geometry.tolerance import PathKind, PathSide
 
+_ROWS = 12
+
 
 @click.command(
     epilog=(
@@ -25,9 +27,12 @@ if TYPE_CHECKING:
         "  feedplan time part.ngc --machine mill.toml\n"
         "  feedplan time part.ngc --machine machine.ini --tolerance-mm 0.01 -o lines.csv\n"
         "  feedplan time part.ngc --machine mill --rows 0 --tolerances-um\n"
+        "  feedplan time parts/*.ngc --machine mill.toml -o times.csv\n"
     ),
 )
-@options.program
+@click.argument(
+    "programs", metavar="PROGRAM...", nargs=-1, required=True, help="Part programs, .ngc, or folders of them."
+)
 @options.machine
 @options.tolerance
 @options.tolerances
@@ -40,11 +45,20 @@ if TYPE_CHECKING:
 @click.option("--tool-change-s", type=float, help="Time of a tool change, in place of the machine file's.")
 @options.controllers
 @options.controller_settings
-@click.option("--rows", type=click.IntRange(min=0), default=12, help="How many of the longest lines to print.")
-@click.option("--output", "-o", type=options.FILE, help=f"Every line, {ANY_COLUMN_FORMAT}.")
+@click.option(
+    "--rows",
+    type=click.IntRange(min=0),
+    show_default=str(_ROWS),
+    help="How many of the longest lines to print; of one program.",
+)
+@click.option(
+    "--output", "-o", type=options.FILE, help=f"Every line, or of several every program, {ANY_COLUMN_FORMAT}."
+)
+@batches.jobs
+@batches.scheduler
 @options.as_json
 def time(
-    program: str,
+    programs: tuple[str, ...],
     *,
     machine: str | None,
     complete: dict[str, float],
@@ -59,19 +73,40 @@ def time(
     tool_change_s: float | None,
     controllers: tuple[str, ...],
     controller_settings: tuple[str, ...],
-    rows: int,
+    rows: int | None,
     output: Path | None,
+    jobs: int | None,
+    scheduler: str | None,
     as_json: bool,
 ) -> None:
-    """Tell the time of a part program, and of each line of it.
+    """Tell the time of a part program, and of each line of it; or of many programs, a row each.
 
     The total has motion, dwells, and tool changes if the machine file or --tool-change-s says how long one takes.  Beside
     it, the least time of the same path without a jerk limit, with --tolerances-um what another tolerance saves, and with
     --controller what a model of another controller takes on the same machine.
     Exit code 1: a plan breaks a limit.
+
+    Several programs, or folders, are timed side by side on every core, or by the workers of a Dask scheduler.  One that
+    fails does not stop the rest: its row says why.  The exit code is the largest that one of them would have alone.
     """
     with Streams() as at:
-        program, output = at.program(program), at.output(output, ".csv")
+        if batches.are_many(programs) or jobs is not None or scheduler is not None:
+            batches.require_one_program(
+                {
+                    "--rows": rows,
+                    "--tolerances-um": tolerances,
+                    "--controller": controllers or None,
+                    "--controller-setting": controller_settings or None,
+                }
+            )
+            alike: dict[str, Any] = {
+                "feed": feed_mm_s, "tool_change_s": tool_change_s, "tools": tools, "ignore": ignore, "reader": reader,
+                "path": path, "side": side,
+            }  # fmt: skip
+            hands = batches.Hands(jobs, scheduler)
+            batches.time_many(at, programs, machine, complete, tolerance_mm, alike, hands, output, as_json)
+            return
+        program, output = at.program(programs[0]), at.output(output, ".csv")
         require_program(program, "feedplan time")
         require_apart([output], [program, machine])
         require_outputs(output, None)
@@ -116,11 +151,12 @@ def time(
                 facts["controllers"] = controller_facts(found, elsewhere)
             click.echo(json.dumps(facts, indent=2, allow_nan=False), err=at.taken)
         else:
-            text = time_text(found, rows, "" if output is None else at.told(str(output)))
+            shown = _ROWS if rows is None else rows
+            text = time_text(found, shown, "" if output is None else at.told(str(output)))
             if others is not None:
                 text += ["", *tolerance_lines(found.planned, others)]
             if elsewhere:
-                text += ["", *controller_lines(found, elsewhere, rows)]
+                text += ["", *controller_lines(found, elsewhere, shown)]
             show(text, aside=at.taken)
         if not found.ok or any(row.breaks for row in others or ()):
             raise click.exceptions.Exit(BROKEN)
