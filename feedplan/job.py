@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from planner.machine.program_setup import ProgramSetup
     from planner.output.ngc import FeedMode, WrittenProgram
     from planner.profile import FeedrateProfile
+    from planner.programs.neighbours import NeighbouringPasses
     from planner.programs.path.smooth_path import ProgramPath
     from planner.programs.reading.program import Program
     from planner.programs.times import LineTimes
@@ -200,7 +201,14 @@ class Job:
         progress("checking the samples", None)
         samples = self.replay(profile)
         reports = plan_report, self.check(samples)
-        return Verdict(profile, self.limits, self.machine, samples, *reports, seconds, files, self.path, self.facts)
+        verdict = Verdict(profile, self.limits, self.machine, samples, *reports, seconds, files, self.path, self.facts)
+        return replace(verdict, passes=self.neighbouring_passes(profile))
+
+    def neighbouring_passes(self, profile: FeedrateProfile) -> NeighbouringPasses | None:
+        """How equal a plan's feed is at the same place in neighbouring passes; None where there are none, or no program."""
+        from planner.programs.neighbours import neighbouring_passes
+
+        return None if self.path is None else neighbouring_passes(self.path, profile, self.limits)
 
     def prove(self, verdict: Verdict, certificate: Path, progress: Progress = _silent) -> Verdict:
         """Add what the certificate in a file proves of the lower bound of this job's plans."""

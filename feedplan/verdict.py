@@ -25,6 +25,7 @@ from planner.status import Claim
 from planner.verify import Report, Row
 
 if TYPE_CHECKING:
+    from planner.programs.neighbours import NeighbouringPasses
     from planner.programs.path.smooth_path import ProgramPath
     from planner.verify.certificate import BoundReport
 
@@ -57,6 +58,8 @@ class Verdict(Tabular):
         What the certificate of the lower bound proves; None where none was given.
     any_path : float
         Of a part program: no motion within its tolerance is faster, whatever its path, s; nan where that is not known.
+    passes : NeighbouringPasses, optional
+        How equal the feed is at the same place in neighbouring passes of a part program; None where it has none.
     """
 
     profile: FeedrateProfile
@@ -71,6 +74,7 @@ class Verdict(Tabular):
     facts: tuple[tuple[str, str], ...] = ()
     proof: BoundReport | None = None
     any_path: float = math.nan
+    passes: NeighbouringPasses | None = None
 
     def columns(self) -> dict[str, NDArray[Any]]:
         """Limit, axis, what is allowed, the share of it that the plan and its samples use, and when most is used."""
@@ -190,6 +194,8 @@ def to_json(verdict: Verdict) -> str:
         facts["source"] = dict(verdict.facts)
     if verdict.program is not None:
         facts["program"] = program_facts(verdict.program)
+    if verdict.passes is not None:
+        facts["neighbouring_passes"] = _passes_facts(verdict.passes)
     return json.dumps(_finite(facts), indent=2, allow_nan=False)
 
 
@@ -228,6 +234,17 @@ def program_facts(path: ProgramPath) -> dict[str, Any]:
         "side": "both" if path.curve.made_within is None else path.curve.made_within.side,
         "overcut_mm": path.overcut,
         **path.counts,
+    }
+
+
+def _passes_facts(passes: NeighbouringPasses) -> dict[str, Any]:
+    return {
+        "mean": passes.mean,
+        "worst": passes.worst,
+        "lines": list(passes.lines),
+        "feeds_mm_s": list(passes.feeds),
+        "places": passes.places,
+        "length_mm": passes.length,
     }
 
 

@@ -17,6 +17,7 @@ from planner.status import Claim
 from planner.verify import Report, Row
 
 if TYPE_CHECKING:
+    from planner.programs.neighbours import NeighbouringPasses
     from planner.programs.path.smooth_path import ProgramPath
     from planner.programs.reading.program import Program
 
@@ -111,7 +112,13 @@ def _facts(verdict: Verdict) -> list[str]:
             bound = f"{verdict.lower_bound:.6g} s is the table's claim, not checked; if true, the gap is at most {gap}"
     else:
         bound = "none from this method"
-    return [*lines, *named("duration", time, BOLD), *named("lower bound", bound), *_any_path(verdict)]
+    return [
+        *lines,
+        *named("duration", time, BOLD),
+        *named("lower bound", bound),
+        *_any_path(verdict),
+        *_passes(verdict.passes),
+    ]
 
 
 def _any_path(verdict: Verdict) -> list[str]:
@@ -121,6 +128,17 @@ def _any_path(verdict: Verdict) -> list[str]:
     less = percent(max(1.0 - verdict.any_path / verdict.profile.duration, 0.0), 2)
     said = "no motion within the tolerance and with the same stops takes less"
     return named("any path", f"{verdict.any_path:.6g} s; {said}: {less} at most is left")
+
+
+def _passes(passes: NeighbouringPasses | None) -> list[str]:
+    """Lay out how equal the feed is in neighbouring passes."""
+    if passes is None:
+        return []
+    text = (
+        f"feeds at the same place differ by {percent(passes.mean, 3)} on average and {percent(passes.worst, 2)} at most, "
+        f"between lines {passes.lines[0]} and {passes.lines[1]} ({passes.feeds[0]:.4g} and {passes.feeds[1]:.4g} mm/s)"
+    )
+    return named("passes", text)
 
 
 def fact_lines(facts: Iterable[tuple[str, str]]) -> list[str]:

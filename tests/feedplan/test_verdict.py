@@ -21,6 +21,7 @@ from feedplan.verdict_text import quantity, to_text
 from interp import replay
 from planner import check, load_curve, plan_feedrate
 from planner.geometry.tolerance import PathSide, PathTolerance
+from planner.programs.neighbours import NeighbouringPasses
 from planner.status import Claim, Status
 from planner.verify import Report, Row
 
@@ -303,3 +304,22 @@ def test_a_broken_limit_is_told_before_a_bound_that_is_not_proved(sound: Verdict
     proved = replace(sound, proof=SimpleNamespace(**vars(proof) | {"ok": True}))  # type: ignore[arg-type]
     assert proved.ok
     assert "OK  every limit holds" in text_of(proved)
+
+
+def test_feeds_in_neighbouring_passes_are_told_where_there_are_any(sound: Verdict) -> None:
+    """Average, largest and the two lines of it, in text and in JSON; nothing where no passes lie side by side."""
+    assert "passes" not in text_of(sound)
+    assert "neighbouring_passes" not in json.loads(to_json(sound))
+    verdict = replace(sound, passes=NeighbouringPasses(0.00076, 0.0138, (2146, 1482), (95.5, 94.19), 1504, 752.0))
+    assert (
+        "feeds at the same place differ by 0.076% on average and 1.38% at most, between lines 2146 and 1482 "
+        "(95.5 and 94.19 mm/s)"
+    ) in text_of(verdict)
+    assert json.loads(to_json(verdict))["neighbouring_passes"] == {
+        "mean": 0.00076,
+        "worst": 0.0138,
+        "lines": [2146, 1482],
+        "feeds_mm_s": [95.5, 94.19],
+        "places": 1504,
+        "length_mm": 752.0,
+    }
