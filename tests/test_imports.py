@@ -39,6 +39,7 @@ ORDER = (
     "planner.plan",
     "planner.programs",
     "planner.controllers",
+    "planner.calibration",
     "planner.output",
     "interp",
     "feedplan",

@@ -20,10 +20,16 @@ ELSEWHERE = {
         f"feedplan.comparison{name}" for name in (".judgement", ".methods", ".result", ".two_paths")
     ),
     "feedplan/test_controller_time.py": ("feedplan.controller_text",),
+    "feedplan/cli/test_calibrate.py": ("feedplan.calibration",),
     "feedplan/test_job.py": ("feedplan.sources",),
     "feedplan/test_page.py": ("feedplan.cli.report",),
     "feedplan/test_program_time.py": ("feedplan.time_text",),
     "feedplan/test_verdict.py": ("feedplan.verdict_text",),
+    "calibration/test_calibrate.py": (
+        "planner.calibration.calibrated_machine",
+        "planner.calibration.known_path",
+    ),
+    "calibration/test_ramps.py": ("planner.calibration.laws",),
     "geometry/test_catalog.py": ("planner.data",),
     "geometry/test_curve.py": ("planner.geometry.continuity", "planner.geometry.fit"),
     "geometry/drawing/test_drawn_entities.py": (

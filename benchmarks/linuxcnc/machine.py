@@ -37,6 +37,8 @@ class Run:
         Servo periods under G1, G2 and G3, s.
     position : (n, 3) array
         Commanded positions of the cut, one a period, mm.
+    trace : (m, 3) array
+        The same of the whole program with its rapids, from the last at rest before it moves to the first after it.
     version : str
     queued : int
         Moves that were in the queue when the feed was let go.
@@ -46,6 +48,12 @@ class Run:
     position: NDArray[np.float64]
     version: str
     queued: int
+    trace: NDArray[np.float64]
+
+    @property
+    def whole_time(self) -> float:
+        """From the first commanded motion to the last, s."""
+        return (len(self.trace) - 1) * SERVO_PERIOD
 
 
 def run_program(
@@ -78,7 +86,9 @@ def run_program(
     position = rows[cuts[0] + _LAG : cuts[-1] + _LAG + 1, 1:4]
     # Without a rapid before it the cut is in force while the feed is still held at 0.
     held = int(np.argmax(np.any(np.diff(position, axis=0) != 0.0, axis=1)))
-    return Run((cuts.size - held) * SERVO_PERIOD, position[held:], result["version"], result["queued"])
+    moving = np.flatnonzero(np.any(np.diff(rows[:, 1:4], axis=0) != 0.0, axis=1))
+    trace = rows[moving[0] : moving[-1] + 2, 1:4]
+    return Run((cuts.size - held) * SERVO_PERIOD, position[held:], result["version"], result["queued"], trace)
 
 
 def _samples(path: Path) -> NDArray[np.float64]:

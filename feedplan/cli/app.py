@@ -57,6 +57,7 @@ Examples:
   feedplan ngc part.ngc --machine mill.toml --tolerance-mm 0.01 -o out.ngc
   feedplan report table.csv butterfly-nurbs -o report.html
   feedplan compare teardrop --machine mill.toml --plot compare.png
+  feedplan calibrate logs/*.csv --machine start.toml -o machine.toml
 
 \b
 Exit codes: 0 every limit holds, 1 a limit is broken or a claim does not hold,
@@ -64,7 +65,18 @@ Exit codes: 0 every limit holds, 1 a limit is broken or a claim does not hold,
 of other source: install it again.
 """
 
-_COMMANDS = ("plan", "check", "replay", "compare", "report", "time", "ngc", "windows", "curves")  # as help lists them
+_COMMANDS = (
+    "plan",
+    "check",
+    "replay",
+    "compare",
+    "report",
+    "time",
+    "ngc",
+    "windows",
+    "calibrate",
+    "curves",
+)  # as help lists them
 
 
 class Commands(click.Group):

@@ -1,0 +1,1 @@
+"""What a controller's logs tell of its limits: what each axis reached, and what they cannot tell."""
