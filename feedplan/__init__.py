@@ -95,7 +95,7 @@ if TYPE_CHECKING:
     from planner.output.plots import plot_plan
     from planner.output.table import write_samples
     from planner.plan.bounds import Bound
-    from planner.programs.times import write_line_times
+    from planner.programs.line_table import write_line_times
     from planner.verify.certificate import BoundReport, verify_bound, verify_plan_bound
 
 __all__ = [
@@ -202,7 +202,7 @@ _HOME = {
     "planner.output.plots": ("plot_plan",),
     "planner.output.table": ("write_samples",),
     "planner.plan.bounds": ("Bound",),
-    "planner.programs.times": ("write_line_times",),
+    "planner.programs.line_table": ("write_line_times",),
     "planner.verify.certificate": ("BoundReport", "verify_bound", "verify_plan_bound"),
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from planner.geometry.tolerance import PathKind, PathSide
     from planner.machine.limits import Limits
     from planner.machine.machine_table import Machine
-    from planner.machine.program_setup import ProgramSetup
+    from planner.machine.program_setup import ProgramSetup, RestTimes
     from planner.output.ngc import FeedMode, WrittenProgram
     from planner.profile import FeedrateProfile
     from planner.programs.neighbours import NeighbouringPasses
@@ -219,20 +219,28 @@ class Job:
         found = read_certificate(certificate)
         return replace(verdict, proof=verify_plan_bound(self.curve, self.limits, found, verdict.profile))
 
+    @property
+    def rests(self) -> RestTimes:
+        """What the machine's file says of tool changes and spindle starts."""
+        from planner.machine.program_setup import RestTimes
+
+        return RestTimes() if self.setup is None else self.setup.rests
+
     def without_jerk(self) -> Job:
         """The same without a jerk limit."""
         return replace(self, limits=self.limits.without_jerk())
 
-    def line_times(self, profile: FeedrateProfile) -> LineTimes:
+    def line_times(self, profile: FeedrateProfile, rests: RestTimes | None = None) -> LineTimes:
         """Share the time of a plan out among the lines of the program.
 
+        ``rests`` are the seconds of tool changes and spindle starts; left out, those of the machine's file.
         Raises InputError where the curve is of no program.
         """
         from planner.programs.times import line_times
 
         if self.program is None or self.path is None:
             raise InputError(f"{self.curve.name} has no lines; their times need a part program")
-        return line_times(self.program, self.path, profile)
+        return line_times(self.program, self.path, profile, self.rests if rests is None else rests)
 
     def write(self, file: Path, profile: FeedrateProfile, mode: FeedMode, **options: Any) -> WrittenProgram:
         """Write a program of the plan for LinuxCNC; options as for :func:`planner.write_ngc`."""

@@ -1,4 +1,4 @@
-"""How long a part program takes: all of it, and every line.
+"""How long a part program takes: all of it, its operations, its tools, and every line.
 
 found = time_program("part.ngc", "mill.toml", tool_change_s=8.0)
 print(found.total_s, found.motion_s, found.dwell_s, found.shares)
@@ -10,15 +10,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from feedplan.job import Job, load_job
+from feedplan.limit_costs import LimitCost, limit_costs
 from feedplan.sources import Pairs, require_program
 from feedplan.tolerances import ToleranceTime
 from planner.errors import InputError
-from planner.programs.times import LineTimes, write_line_times
+from planner.machine.program_setup import RestTimes
+from planner.programs.line_table import write_line_times
+from planner.programs.operations import Division, SectionTime, operation_sections, tool_sections
+from planner.programs.program_text import ProgramText
+from planner.programs.reading.setup import read_tool_table
+from planner.programs.schedule import Schedule
+from planner.programs.times import LineTimes, held_seconds, move_edges
+from planner.programs.tool_names import tool_names
 
 if TYPE_CHECKING:
     from planner.machine.limits import Limits
@@ -26,6 +36,8 @@ if TYPE_CHECKING:
     from planner.profile import FeedrateProfile
     from planner.types import Progress
     from planner.verify import Report
+
+_WAITS = {"stop", "optional_stop"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,9 +56,15 @@ class ProgramTime:
         The limit that the plan breaks most, and by how much; empty where it keeps all.
     motion_s, dwell_s : float
         Duration of the plan, and of the dwells beside it, s.
-    tool_changes : int
-    tool_change_s : float, optional
-        Of one, s; None where nobody said it: then they are not in ``total_s``.
+    tool_changes, spindle_starts : int
+    rests : RestTimes
+        What one of these takes, s; None where nobody said it: then they are not in ``total_s``.
+    waits : int
+        M0, M1 and M60, where a person goes on: not in ``total_s``.
+    operations, tools : tuple of SectionTime
+        In the order of the run; without comments on operations these are the tools.
+    named : bool
+        The operations are those of comments.
     lines, without_jerk : LineTimes
         Every line, with the limits of the machine, and without its jerk limit.
     jerk_limited : bool
@@ -54,7 +72,10 @@ class ProgramTime:
     shares : mapping of str to float
         Share of the motion's time during which each limit holds the program back; they add up to 1.
     saved_by_one_percent : mapping of str to float
-        Seconds that one percent more of a limit saves, to first order.
+        Seconds that one percent more of a limit saves on this path, to first order; empty where the path was found with
+        its feed.
+    costs : tuple of LimitCost
+        What each limit costs, measured; empty where nobody asked.
     planned : ToleranceTime
         The tolerance in force, and what the path does with it.
     facts : pairs of str
@@ -62,6 +83,8 @@ class ProgramTime:
     path_facts : mapping
         Of the path, for JSON: tolerance, deviation, stops.
     notes : tuple of str
+    text : ProgramText
+        The program as it stands.
     """
 
     program: str
@@ -72,21 +95,33 @@ class ProgramTime:
     motion_s: float
     dwell_s: float
     tool_changes: int
-    tool_change_s: float | None
+    spindle_starts: int
+    rests: RestTimes
+    waits: int
+    operations: tuple[SectionTime, ...]
+    tools: tuple[SectionTime, ...]
+    named: bool
     lines: LineTimes
     without_jerk: LineTimes
     jerk_limited: bool
     shares: Mapping[str, float]
     saved_by_one_percent: Mapping[str, float]
+    costs: tuple[LimitCost, ...]
     planned: ToleranceTime
     facts: Pairs
     path_facts: Mapping[str, Any]
     notes: tuple[str, ...]
+    text: ProgramText
 
     @property
     def total_s(self) -> float:
-        """Motion, dwells, and tool changes where their time is known, s."""
-        return self.motion_s + self.dwell_s + self.tool_changes * (self.tool_change_s or 0.0)
+        """Motion, dwells, and tool changes and spindle starts where their time is known, s."""
+        return self.lines.total
+
+    @property
+    def tool_change_s(self) -> float | None:
+        """Of one tool change, s; None where nobody said it."""
+        return self.rests.tool_change
 
     @property
     def jerk_share(self) -> float:
@@ -95,8 +130,8 @@ class ProgramTime:
         return self.motion_s / least - 1.0 if least > 0.0 else math.nan
 
     def write_lines(self, file: Path) -> None:
-        """Write every line, as :func:`planner.programs.times.write_line_times` does."""
-        write_line_times(file, self.lines, self.program, self.verdict, without_jerk=self.without_jerk)
+        """Write every line, as :func:`planner.programs.line_table.write_line_times` does."""
+        write_line_times(file, self.lines, self.program, self.verdict, without_jerk=self.without_jerk, text=self.text)
 
 
 def time_program(
@@ -104,6 +139,7 @@ def time_program(
     machine: str | Path | Limits | Machine | None = None,
     *,
     tool_change_s: float | None = None,
+    costs: bool = False,
     progress: Progress | None = None,
     **options: Any,
 ) -> ProgramTime:
@@ -116,6 +152,8 @@ def time_program(
         As for :func:`load_job`.
     tool_change_s : float, optional
         Time of a tool change, s, in place of what the machine file says.
+    costs : bool
+        Also plan the program with each limit raised, which takes as long for each as the plan itself.
     progress : callable, optional
         Is told what is being done.
     options
@@ -133,6 +171,7 @@ def time_program(
     change = _seconds(tool_change_s, "tool_change_s")
     say = progress or _silent
     job = load_job(program, machine, **options)
+    text = ProgramText.read(program)
     profile = plain = job.plan(say)
     if job.limits.has_jerk:
         say("planning without a jerk limit", None)
@@ -140,21 +179,43 @@ def time_program(
         plain = min(job.without_jerk().plan(say), profile, key=lambda plan: plan.duration)
     say("checking the plan", None)
     report = job.check(profile)
-    if change is None and job.setup is not None:
-        change = job.setup.rests.tool_change
-    return _program_time(str(program), job, (profile, plain), report, change)
+    rests = job.rests if change is None else replace(job.rests, tool_change=change)
+    tools = options.get("tools") or (None if job.setup is None else job.setup.tools)
+    worth = limit_costs(job, profile, progress=progress) if costs else ()
+    return _program_time(str(program), job, (profile, plain), report, _Sources(text, rests, tools, worth))
+
+
+@dataclass(frozen=True)
+class _Sources:
+    """What is told beside the plan: the program's text, the machine's rests, the tool table, what limits cost."""
+
+    text: ProgramText
+    rests: RestTimes
+    tools: str | Path | None
+    costs: tuple[LimitCost, ...]
 
 
 def _program_time(
-    program: str, job: Job, plans: tuple[FeedrateProfile, FeedrateProfile], report: Report, change: float | None
+    program: str, job: Job, plans: tuple[FeedrateProfile, FeedrateProfile], report: Report, given: _Sources
 ) -> ProgramTime:
     from feedplan.verdict import program_facts
     from feedplan.verdict_text import machine_pair, program_pairs
 
-    if job.path is None:
+    path, source = job.path, job.program
+    if path is None or source is None:
         raise AssertionError("only a part program has lines")
     profile = plans[0]
-    times, without = job.line_times(profile), job.line_times(plans[1])
+    times, without = (job.line_times(plan, given.rests) for plan in plans)
+    edges = move_edges(path, profile)
+    run = Schedule.of(source, np.diff(edges), given.rests)
+    names = tool_names(source, given.text, None if given.tools is None else read_tool_table(given.tools))
+    by_tool = tool_sections(source, run, names)
+    by_operation = operation_sections(source, run, given.text, by_tool)
+
+    def timed(sections: Division) -> tuple[SectionTime, ...]:
+        held = held_seconds(profile, edges, sections.of_move, len(sections.names))
+        return sections.times(source, run, held)
+
     worst = ""
     if not report.ok:
         row = max(report.violations, key=lambda row: row.ratio)
@@ -168,16 +229,23 @@ def _program_time(
         motion_s=times.moving,
         dwell_s=times.dwelling,
         tool_changes=times.changes,
-        tool_change_s=change,
+        spindle_starts=sum(rest.kind == "spindle" for rest in run.rests),
+        rests=given.rests,
+        waits=sum(event.kind in _WAITS for event in source.events),
+        operations=timed(by_operation or by_tool),
+        tools=timed(by_tool),
+        named=by_operation is not None,
         lines=times,
         without_jerk=without,
         jerk_limited=job.limits.has_jerk,
         shares=profile.shares(),
         saved_by_one_percent=dict(profile.saved_by_one_percent),
-        planned=ToleranceTime.of(job.path, profile, report),
-        facts=(*job.facts, *program_pairs(job.path), machine_pair(job.machine, job.limits, job.curve)),
-        path_facts=program_facts(job.path),
-        notes=tuple(job.path.notes),
+        costs=given.costs,
+        planned=ToleranceTime.of(path, profile, report),
+        facts=(*job.facts, *program_pairs(path), machine_pair(job.machine, job.limits, job.curve)),
+        path_facts=program_facts(path),
+        notes=tuple(path.notes),
+        text=given.text,
     )
 
 

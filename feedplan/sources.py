@@ -175,7 +175,7 @@ def program_curve(
             f"{source}: {len(program)} moves are planned as a whole here, which takes memory; "
             "feedplan windows plans any number"
         )
-    limits = _widened(limits, program.axes) if widen else limits
+    limits = widened(limits, program.axes) if widen else limits
     began = time.perf_counter()
     made = path_of(program, limits, tolerance, share, path=path, side=side)
     seconds = time.perf_counter() - began
@@ -204,7 +204,7 @@ def tolerance_of_table(table: str | Path, source: str | Path | Curve) -> PathTol
     return said if inexact else replace(said, mm=None)
 
 
-def _widened(limits: Limits, axes: tuple[str, ...]) -> Limits:
+def widened(limits: Limits, axes: tuple[str, ...]) -> Limits:
     """The limits in a table are those of the axes that move; an axis that only has words needs none that counts."""
     from planner.quantity import AXIS
 

@@ -152,7 +152,7 @@ class TestTheScanItself:
 
     def test_finds_imports_on_demand_and_for_types(self):
         assert {"planner.errors", "planner.geometry.arclength", "numpy"} <= imports("planner.geometry.curve")
-        assert "planner.files.columns" in imports("planner.programs.times")
+        assert "planner.files.columns" in imports("planner.programs.line_table")
         assert "planner.files.columns" not in imports("planner.programs.times", nested=False)
         assert "feedplan.verdict" in imports("feedplan.job")
         assert "feedplan.verdict" not in imports("feedplan.job", types=False, nested=False)

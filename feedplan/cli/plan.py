@@ -226,7 +226,7 @@ class Files:
             line(f"writing {self.program}")
             job.write(self.program, profile, "feed", report=report)
         if self.lines is not None:
-            from planner.programs.times import write_line_times
+            from planner.programs.line_table import write_line_times
 
             line(f"writing {self.lines}")
             write_line_times(self.lines, job.line_times(profile), source, report.summary())

@@ -45,6 +45,7 @@ _ROWS = 12
 @click.option("--tool-change-s", type=float, help="Time of a tool change, in place of the machine file's.")
 @options.controllers
 @options.controller_settings
+@click.option("--costs", is_flag=True, help="Say what each limit costs: plan again with 10 % more of each.")
 @click.option(
     "--rows",
     type=click.IntRange(min=0),
@@ -73,6 +74,7 @@ def time(
     tool_change_s: float | None,
     controllers: tuple[str, ...],
     controller_settings: tuple[str, ...],
+    costs: bool,
     rows: int | None,
     output: Path | None,
     jobs: int | None,
@@ -95,6 +97,7 @@ def time(
                 {
                     "--rows": rows,
                     "--tolerances-um": tolerances,
+                    "--costs": costs or None,
                     "--controller": controllers or None,
                     "--controller-setting": controller_settings or None,
                 }
@@ -131,6 +134,7 @@ def time(
                 program,
                 machine,
                 tool_change_s=tool_change_s,
+                costs=costs,
                 progress=line,
                 tolerance=tolerance_mm,
                 notice=notice,

@@ -5,7 +5,8 @@ same lines as the text ``header`` and every column as an array.  Floats are writ
 both are read back bit by bit, and the same content gives the same bytes.
 
 The last two lines of a header seal the file: the SHA-256 of the columns, one after the other as little-endian doubles (a
-column of words as bytes, indices into their list), and that of the lines above.  A seal tells damage and stray edits, also
+column of words as bytes, indices into their list; one of text as UTF-8, each text with a line end), and that of the lines
+above.  A seal tells damage and stray edits, also
 those too small to be seen in the numbers; it proves nothing about their truth.
 """
 
@@ -50,7 +51,7 @@ def write_columns(
     header : mapping
         One line each; the last should tell the number of rows.
     columns : mapping of str to (n,) arrays
-        Floats, or int8 where ``words`` has the column.
+        Floats, or int8 where ``words`` has the column, or text as objects.
     words : mapping
         Columns that are indices into a list of words: CSV shows the word.
 
@@ -61,7 +62,7 @@ def write_columns(
     """
     suffix = file_format(path)
     for name, values in columns.items():
-        bad = np.flatnonzero(~np.isfinite(values))
+        bad = np.flatnonzero(~np.isfinite(values)) if values.dtype != object else np.empty(0, dtype=np.int64)
         if bad.size:
             raise InputError(f"{path}: not written: {name}[{bad[0]}] = {values[bad[0]]} must be finite")
     sealed = {key: _encode(value).decode("utf-8") for key, value in header.items()}
@@ -70,7 +71,8 @@ def write_columns(
     lines = "".join(f"# {key} = {value}\n" for key, value in sealed.items())
     with whole_file(path) as file:
         if suffix == ".npz":
-            write_arrays(file, {"header": np.array(_encode(lines).decode("utf-8"))} | dict(columns))
+            plain = {name: rows.astype(np.str_) if rows.dtype == object else rows for name, rows in columns.items()}
+            write_arrays(file, {"header": np.array(_encode(lines).decode("utf-8"))} | plain)
         else:
             file.writelines(_encode(text) for text in _csv(lines, columns, words))
 
@@ -83,6 +85,9 @@ def digest_of_rows(columns: Iterable[NDArray[Any]]) -> str:
     """The seal of columns, in the order they are written in."""
     digest = hashlib.sha256()
     for values in columns:
+        if values.dtype == object:
+            digest.update(_encode("".join(f"{text}\n" for text in values)))
+            continue
         digest.update(np.ascontiguousarray(values, dtype="<f8" if values.dtype == np.float64 else values.dtype).data)
     return digest.hexdigest()
 
@@ -100,7 +105,10 @@ def _csv(lines: str, columns: Columns, words: Mapping[str, Sequence[str]]) -> It
         cells: list[Iterable[str]] = []
         for name, values in columns.items():
             part = values[first : first + _ROWS_AT_ONCE].tolist()
-            cells.append([words[name][i] for i in part] if name in words else map(repr, part))
+            if values.dtype == object:
+                cells.append([f'"{text.replace(chr(34), 2 * chr(34))}"' for text in part])
+            else:
+                cells.append([words[name][i] for i in part] if name in words else map(repr, part))
         yield "\n".join(map(",".join, zip(*cells, strict=True))) + "\n"
 
 

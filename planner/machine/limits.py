@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 from planner.errors import InputError
 from planner.frames import escaped
 from planner.geometry.curve import AXES, ROTARY_AXES, Curve, axis_names
-from planner.inputs import numbers, positive_number, require_instance
-from planner.quantity import AXIS, CHORD_ERROR, FEED, PATH, QUANTITIES, TANGENTIAL, Quantity
+from planner.inputs import numbers, positive_number, require_instance, shorten
+from planner.quantity import AXIS, CHORD_ERROR, FEED, PATH, QUANTITIES, TANGENTIAL, Quantity, Scope, limit_names
 from planner.types import FloatArray
 
 DEFAULT_PERIOD = 1e-3  # of a controller, s
@@ -210,6 +210,24 @@ class Limits:
     def without_chord_error(self) -> Limits:
         """Return the same limits with any chord error allowed."""
         return self._replace(chord_error=np.inf)
+
+    def raised(self, name: str, factor: float) -> Limits:
+        """Return the same limits with one of them multiplied: "jerk X", "chord error"; with "feed" also the rapids.
+
+        Raises InputError where there is no such limit.
+        """
+        factor = positive_number(factor, "factor")
+        for quantity in QUANTITIES:
+            if quantity.scope is Scope.PATH and name == quantity.label:
+                rapid = {RAPID: factor * self.rapid} if quantity is FEED else {}
+                return self._replace(**{quantity.key: factor * getattr(self, quantity.key)}, **rapid)
+            for k, axis in enumerate(self.axes if quantity.scope is Scope.AXIS else ()):
+                if name == quantity.of(axis):
+                    row = getattr(self, quantity.key).copy()
+                    row[k] *= factor
+                    return self._replace(**{quantity.key: row})
+        known = ", ".join(limit_names(self.axes)[1:])
+        raise InputError(f'"{shorten(name)}" is no limit of these; they are {known}')
 
     def with_axes(self, axes: Sequence[str], **rows: ArrayLike) -> Limits:
         """Return the same limits for other axes; ``rows`` by the keys of what is limited on an axis."""

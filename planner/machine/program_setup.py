@@ -33,6 +33,9 @@ class RestTimes:
     spindle_start: float | None = None
 
 
+NO_RESTS = RestTimes()
+
+
 @dataclass(frozen=True)
 class ProgramSetup:
     """Positions on the machine that a program's words lead to, its tools, and how long it rests.
@@ -57,7 +60,7 @@ class ProgramSetup:
     second_home: Point | None = None
     tool_change: Point | None = None
     offsets: Mapping[str, Point] = field(default_factory=dict)
-    rests: RestTimes = RestTimes()
+    rests: RestTimes = NO_RESTS
     controller: ControllerWords = field(default_factory=ControllerWords)
 
 

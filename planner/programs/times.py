@@ -1,15 +1,15 @@
-"""How long every line of a part program takes, and what holds it back.
+"""How long every line of a part program takes, when it begins, and what holds it back.
 
 The time of a line is the time law of the plan between the curve parameters at which its block begins and ends, so the
 lines add up to the duration.  What happens while the machine rests is not in the plan: dwells, with their seconds, and
-tool changes, whose time no program says, are columns of their own.
+tool changes, whose time no program says, are columns of their own, and count in when a line begins.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, fields
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,17 +17,21 @@ from numpy.typing import ArrayLike, NDArray
 
 from planner.errors import InputError
 from planner.frames import Tabular
+from planner.geometry.curve import AXES, ROTARY_AXES
 from planner.inputs import require_instance
+from planner.machine.program_setup import NO_RESTS, RestTimes
 from planner.profile import FeedrateProfile
 from planner.programs.path.smooth_path import ProgramPath
 from planner.programs.reading.program import ARC, LINE, RAPID, SPLINE, Program
+from planner.programs.reading.words import LineArray
+from planner.programs.schedule import Schedule
 from planner.types import FloatArray
 
 KINDS = ("none", "rapid", "line", "arc", "spline")
 _KIND_OF_MOVE = np.zeros(4, dtype=np.int8)
 _KIND_OF_MOVE[[RAPID, LINE, ARC, SPLINE]] = 1, 2, 3, 4
-_FORMAT = "feedplan-lines 1"
-_UNITS = "mm, s; share is the part of the line's time for which the limit beside it holds it back"
+_MINUTE = 60.0  # s
+_LINEAR = 3  # X Y Z are always shown
 # Newton's steps to a time within an interval; next to a rest, where u goes with the cube of time, each leaves 2/3.
 _MAX_STEPS = 100
 _ROUNDING = 4.0 * np.finfo(np.float64).eps
@@ -59,8 +63,18 @@ class LineTimes(Tabular):
         Seconds of G4.
     tool_changes : (m,) int64 array
         Number of tool changes.
+    rest : (m,) array
+        Seconds for which the axes stand on it: dwells, and tool changes and spindle starts where their time is known.
     limit_names : tuple of str
         As in the profile; "none" first.
+    start : (m,) array
+        When the line begins, s from the start of the run; of one that is run again the first time.
+    end : (m, 9) array
+        Where it ends, in the axes of :data:`~planner.geometry.curve.AXES`, mm and degrees, on the machine.
+    feed : (m,) array
+        Programmed feed, mm/s or degrees/s; inf on rapids, nan where it does not move.
+    highest_feed : (m,) array
+        Largest feed of the tool tip that the plan has on it, mm/s; nan where that was not looked for.
     """
 
     line: NDArray[np.int64]
@@ -73,7 +87,12 @@ class LineTimes(Tabular):
     share: FloatArray
     dwell: FloatArray
     tool_changes: NDArray[np.int64]
+    rest: FloatArray
     limit_names: tuple[str, ...]
+    start: FloatArray
+    end: FloatArray
+    feed: FloatArray
+    highest_feed: FloatArray
 
     def __post_init__(self) -> None:
         for item in fields(self):
@@ -82,16 +101,25 @@ class LineTimes(Tabular):
                 value.setflags(write=False)
 
     def columns(self) -> dict[str, NDArray[Any]]:
-        """The columns of the file that :func:`write_line_times` writes, kinds and limits as words."""
+        """The columns of the file that :func:`write_line_times` writes, but its text; kinds and limits as words.
+
+        Feeds are in mm/min here; 0 where there is none.
+        """
         return {
             "line": self.line,
             "kind": np.array(KINDS, dtype=object)[self.kind],
-            "length_mm": self.length,
+            "start_s": self.start,
             "seconds": self.seconds,
+            "length_mm": self.length,
+            **{f"{axis.lower()}_{unit}": self.end[:, k] for k, axis, unit in _axes_of(self.end)},
+            "feed_mm_min": np.where(np.isfinite(self.feed), _MINUTE * self.feed, 0.0),
+            "mean_feed_mm_min": _MINUTE * self.mean_feed,
+            **({} if np.isnan(self.highest_feed).any() else {"highest_feed_mm_min": _MINUTE * self.highest_feed}),
             "held_back_by": np.array(self.limit_names, dtype=object)[self.binding],
             "share": self.share,
             "dwell_s": self.dwell,
             "tool_changes": self.tool_changes,
+            "rest_s": self.rest,
             "u_start": self.u_start,
             "u_end": self.u_end,
         }
@@ -103,9 +131,19 @@ class LineTimes(Tabular):
         return f"LineTimes({', '.join(parts)})"
 
     @property
+    def mean_feed(self) -> FloatArray:
+        """Programmed length over time, mm/s or degrees/s; 0 where the line does not move."""
+        return np.divide(self.length, self.seconds, out=np.zeros(self.seconds.size), where=self.seconds > 0.0)
+
+    @property
     def moving(self) -> float:
         """Time of all motion, s."""
         return math.fsum(self.seconds)
+
+    @property
+    def total(self) -> float:
+        """Time of the run, s: motion, dwells, and what is known of tool changes and spindle starts."""
+        return math.fsum([*self.seconds, *self.rest])
 
     @property
     def dwelling(self) -> float:
@@ -118,7 +156,16 @@ class LineTimes(Tabular):
         return int(self.tool_changes.sum())
 
 
-def line_times(program: Program, path: ProgramPath, profile: FeedrateProfile) -> LineTimes:
+def _axes_of(end: FloatArray) -> list[tuple[int, str, str]]:
+    """Place, name and unit of the axes that are shown: X Y Z, and the others that leave 0."""
+    return [
+        (k, axis, "deg" if axis in ROTARY_AXES else "mm")
+        for k, axis in enumerate(AXES)
+        if k < _LINEAR or bool(end[:, k].any())
+    ]
+
+
+def line_times(program: Program, path: ProgramPath, profile: FeedrateProfile, rests: RestTimes = NO_RESTS) -> LineTimes:
     """Share the time of a plan out among the lines of its program.
 
     Parameters
@@ -128,6 +175,8 @@ def line_times(program: Program, path: ProgramPath, profile: FeedrateProfile) ->
         The path of that program.
     profile : FeedrateProfile
         A plan for the curve of that path.
+    rests : RestTimes
+        Seconds of tool changes and spindle starts, for when a line begins; left out, they take no time.
 
     Returns
     -------
@@ -143,60 +192,84 @@ def line_times(program: Program, path: ProgramPath, profile: FeedrateProfile) ->
     require_instance(profile, FeedrateProfile, "profile")
     if profile.curve is not path.curve and profile.curve.fingerprint != path.curve.fingerprint:
         raise InputError(f"the plan is for the curve {profile.curve.name}, not for the path of {program.source}")
+    edges = move_edges(path, profile)
+    run = Schedule.of(program, np.diff(edges), rests)
+    limit = (*largest_share(profile, edges), profile.limit_names)
+    return combined(program, run, path.u, limit, highest_feed=_highest_feed(profile, edges))
+
+
+def move_edges(path: ProgramPath, profile: FeedrateProfile) -> FloatArray:
+    """Times at which the moves with a length begin and end, (m + 1,), s; not decreasing, from 0 to the duration."""
     edges = times_at(profile, path.u)
     edges[0], edges[-1] = 0.0, profile.duration
-    edges = np.maximum.accumulate(edges)
-    binding, held = largest_share(profile, edges)
-    return combined(program, path.line, path.u, np.diff(edges), (binding, held, profile.limit_names))
+    return np.maximum.accumulate(edges)
+
+
+def _highest_feed(profile: FeedrateProfile, edges: FloatArray) -> FloatArray:
+    """The largest feed at the ends of moves and at the nodes in them, mm/s."""
+    at = profile.at(np.minimum(edges, profile.duration)).feed
+    highest = np.maximum(at[1:], at[:-1])
+    row = np.clip(np.searchsorted(edges, profile.t, side="right") - 1, 0, highest.size - 1)
+    np.maximum.at(highest, row, profile.feed)
+    return highest
 
 
 def combined(
     program: Program,
-    moving: NDArray[np.int64],
+    run: Schedule,
     u: FloatArray,
-    seconds: FloatArray,
     binding: tuple[NDArray[np.int8], FloatArray, tuple[str, ...]],
+    *,
+    highest_feed: FloatArray | None = None,
 ) -> LineTimes:
     """Put the lines that move together with those that do not.
 
     Parameters
     ----------
     program : Program
-    moving : (m,) int array
-        Lines of the moves with a length; a line may have several.
+    run : Schedule
+        Of its moves with a length, m of them; a line may have several.
     u : (m + 1,) array
         Curve parameters at which these begin and end.
-    seconds : (m,) array
-        Their times.
     binding : tuple
         The limit that holds each back for longest (m,), for how long, s, (m,), and the names of the limits.  Of a line with
         several moves it is that of the longest of them.
+    highest_feed : (m,) array, optional
+        Largest feed on each, mm/s.
     """
     limit, held, names = binding
-    dwells = [(event.line, event.seconds) for event in program.events if event.kind == "dwell"]
-    changes = [event.line for event in program.events if event.kind == "tool_change"]
-    others = [program.zero_lines, np.array([line for line, _ in dwells] + changes, dtype=np.int64)]
-    line = np.unique(np.concatenate([moving, *others]))
-    columns: dict[str, FloatArray] = {name: np.zeros(line.size) for name in ("length", "seconds", "share", "dwell")}
+    moving, seconds = program.line[run.row], run.seconds
+    rests = [rest for rest in run.rests if rest.seconds or rest.kind != "spindle"]
+    resting = np.array([rest.line for rest in rests], dtype=np.int64)
+    line = np.unique(np.concatenate([moving, program.zero_lines, resting]))
+    columns: dict[str, FloatArray] = {
+        name: np.zeros(line.size) for name in ("length", "seconds", "share", "dwell", "rest")
+    }
     kind, named = (np.zeros(line.size, dtype=np.int8) for _ in range(2))
     tools = np.zeros(line.size, dtype=np.int64)
     at = np.searchsorted(line, moving)
-    move = np.flatnonzero(program.lengths > 0.0)
-    np.add.at(columns["length"], at, program.lengths[move])
+    np.add.at(columns["length"], at, program.lengths[run.row])
     np.add.at(columns["seconds"], at, seconds)
     longest = np.argsort(seconds, kind="stable")  # of several moves of a line the last to be assigned stays
     on = at[longest]
-    kind[on], named[on] = _KIND_OF_MOVE[program.kind[move[longest]]], limit[longest]
+    kind[on], named[on] = _KIND_OF_MOVE[program.kind[run.row[longest]]], limit[longest]
     columns["share"][on] = np.divide(held, seconds, out=np.zeros(seconds.size), where=seconds > 0.0)[longest]
-    for number, length in dwells:
-        columns["dwell"][np.searchsorted(line, number)] += length
-    np.add.at(tools, np.searchsorted(line, changes), 1)
+    columns["feed"] = np.full(line.size, np.nan)
+    columns["feed"][on] = program.feed[run.row[longest]]
+    at_rest = np.searchsorted(line, resting)
+    for place, rest in zip(at_rest.tolist(), rests, strict=True):
+        columns["rest"][place] += rest.seconds
+        columns["dwell"][place] += rest.seconds if rest.kind == "dwell" else 0.0
+        tools[place] += rest.kind == "tool_change"
     before = np.searchsorted(np.maximum.accumulate(moving), line, side="left")
     after = before.copy()
     after[at] = 0
     np.maximum.at(after, at, np.arange(1, moving.size + 1))
     before[at] = after[at] - 1
     np.minimum.at(before, at, np.arange(moving.size))
+    columns["highest_feed"] = np.zeros(line.size) if highest_feed is not None else np.full(line.size, np.nan)
+    if highest_feed is not None:
+        np.maximum.at(columns["highest_feed"], at, highest_feed)
     return LineTimes(
         line=line,
         kind=kind,
@@ -205,8 +278,22 @@ def combined(
         binding=named,
         tool_changes=tools,
         limit_names=names,
+        start=_starts(run, line, before, at),
+        end=np.vstack([program.start[run.row[:1]], program.end[run.row]])[after],
         **columns,
     )
+
+
+def _starts(run: Schedule, line: LineArray, before: LineArray, at: LineArray) -> FloatArray:
+    """When each line begins: its first move or rest; of one that does neither, when it is reached."""
+    acts = np.full(line.size, np.inf)
+    np.minimum.at(acts, at, run.start)
+    of_rest = np.array([rest.line for rest in run.rests], dtype=np.int64)
+    place = np.minimum(np.searchsorted(line, of_rest), line.size - 1)
+    here = line[place] == of_rest
+    np.minimum.at(acts, place[here], run.rest_start[here])
+    start = run.reached(before, line)
+    return np.where(np.isfinite(acts), acts, start)
 
 
 def times_at(profile: FeedrateProfile, u: ArrayLike) -> FloatArray:
@@ -258,7 +345,25 @@ def _roots(c: FloatArray, h: FloatArray) -> FloatArray:
 
 
 def largest_share(profile: FeedrateProfile, edges: FloatArray) -> tuple[NDArray[np.int8], FloatArray]:
-    """Between neighbouring times, the limit that binds for longest and for how long, s.
+    """Between neighbouring times, the limit that binds for longest and for how long, s."""
+    longest, held = np.zeros(edges.size - 1, dtype=np.int8), np.zeros(edges.size - 1)
+    for name, seconds in _held(profile, edges):
+        longest, held = np.where(seconds > held, np.int8(name), longest), np.maximum(seconds, held)
+    return longest, held
+
+
+def held_seconds(profile: FeedrateProfile, edges: FloatArray, group: LineArray, groups: int) -> dict[str, FloatArray]:
+    """For how long each limit binds in groups of the moves between neighbouring times, s, (groups,) by its name."""
+    names = profile.limit_names
+    return {names[name]: _sums(group, seconds, groups) for name, seconds in _held(profile, edges)}
+
+
+def _sums(group: LineArray, seconds: FloatArray, groups: int) -> FloatArray:
+    return np.bincount(group, seconds, groups).astype(np.float64)
+
+
+def _held(profile: FeedrateProfile, edges: FloatArray) -> Iterator[tuple[int, FloatArray]]:
+    """Limit by limit, for how long it binds between neighbouring times, s.
 
     A node speaks for the time from the middle of the interval before it to the middle of the one after it.
     """
@@ -268,50 +373,7 @@ def largest_share(profile: FeedrateProfile, edges: FloatArray) -> tuple[NDArray[
     centre = 0.5 * (cuts[1:] + cuts[:-1])
     limit = profile.binding[np.searchsorted(middle, centre)]
     row = np.clip(np.searchsorted(edges, centre, side="right") - 1, 0, edges.size - 2)
-    longest, held = np.zeros(edges.size - 1, dtype=np.int8), np.zeros(edges.size - 1)
     for name in range(1, len(profile.limit_names)):
         of_this = limit == name
-        seconds = np.bincount(row[of_this], width[of_this], edges.size - 1)
-        longest, held = np.where(seconds > held, np.int8(name), longest), np.maximum(seconds, held)
-    return longest, held
-
-
-def write_line_times(
-    path: str | Path, times: LineTimes, source: str, verdict: str, *, without_jerk: LineTimes | None = None
-) -> None:
-    """Write the lines as CSV or NPZ, a row each.
-
-    Parameters
-    ----------
-    path : str or Path
-        ``.csv`` (also without a suffix) or ``.npz``.
-    times : LineTimes
-    source : str
-        Name of the program, for the header.
-    verdict : str
-        What the check says of the plan, for the header.
-    without_jerk : LineTimes, optional
-        The same lines planned without a jerk limit: a column more.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be written; then none is left behind.
-    """
-    from planner.files.columns import write_columns
-
-    columns = times.columns() | {"kind": times.kind, "held_back_by": times.binding}  # as indices into words
-    header = {
-        "format": _FORMAT,
-        "units": _UNITS,
-        "program": " ".join(source.split()),
-        "verdict": verdict,
-        "seconds": repr(times.moving),
-        "dwell_s": repr(times.dwelling),
-        "tool_changes": str(times.changes),
-    }
-    if without_jerk is not None:
-        columns["without_jerk_limit_s"] = without_jerk.seconds
-        header["without_jerk_limit_s"] = repr(without_jerk.moving)
-    header["rows"] = str(times.line.size)
-    write_columns(path, header, columns, {"kind": KINDS, "held_back_by": times.limit_names})
+        if of_this.any():
+            yield name, _sums(row[of_this], width[of_this], edges.size - 1)

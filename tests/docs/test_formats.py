@@ -170,7 +170,13 @@ def test_samples(files):
 def test_line_times(files):
     """With and without the column that only ``feedplan time`` writes."""
     assert columns(files / "stops-lines.csv") == names("format-line-times", "columns")
-    assert columns(files / "slots-lines.csv") == names("format-line-times", "columns")[:-1]
+    listed = {row[0]: row[2] for row in rows("format-line-times", "columns")}
+    assert columns(files / "slots-lines.csv") == [
+        key for key, said in listed.items() if "`feedplan time` only" not in said
+    ]
+    with pytest.raises(SystemExit):
+        app(["windows", STOPS, "-o", str(files / "lines.npz")], prog_name="feedplan")
+    assert columns(files / "lines.lines.csv") == [key for key, said in listed.items() if "`feedplan" not in said]
     agree("format-line-times", "header", [set(header(files / f"{name}-lines.csv")) for name in ("slots", "stops")])
 
 

@@ -68,7 +68,12 @@ def lines_along(profile, u, *, dwell=False):
         share=np.full(count, 0.5),
         dwell=np.where(dwell & (np.arange(count) == 3), 0.25, 0.0),
         tool_changes=np.zeros(count, dtype=np.int8),
+        rest=np.where(dwell & (np.arange(count) == 3), 0.25, 0.0),
         limit_names=profile.limit_names,
+        start=t[:-1].copy(),
+        end=np.zeros((count, 9)),
+        feed=np.full(count, FEED),
+        highest_feed=np.full(count, FEED),
     )
 
 
@@ -400,7 +405,8 @@ class TestPage:
         lines = LineTimes(
             line=np.arange(1, count + 1), kind=one.astype(np.int8), length=one, u_start=edges[:-1].copy(),
             u_end=edges[1:].copy(), seconds=duration / count * one, binding=one.astype(np.int8), share=one.copy(),
-            dwell=one.copy(), tool_changes=one.astype(np.int8), limit_names=profile.limit_names,
+            dwell=one.copy(), tool_changes=one.astype(np.int8), rest=one.copy(), limit_names=profile.limit_names,
+            start=np.arange(count) * duration / count, end=np.zeros((count, 9)), feed=one.copy(), highest_feed=one.copy(),
         )  # fmt: skip
         write_report(tmp_path / "r.html", verdict, lines=lines)
         size = (tmp_path / "r.html").stat().st_size

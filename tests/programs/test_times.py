@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 from program_blocks import line, polyline, program, rapid
 
 from planner import InputError, Limits, load_curve, plan_feedrate
-from planner.files.columns import reading
 from planner.law import TimeLaw
+from planner.machine.program_setup import RestTimes
 from planner.profile import make_profile
 from planner.programs.path.smooth_path import program_path
 from planner.programs.reading.reader import read_program
-from planner.programs.times import KINDS, line_times, times_at, write_line_times
+from planner.programs.times import KINDS, held_seconds, line_times, move_edges, times_at
 
 LIMITS = drives(dim=3)
 
@@ -198,42 +198,6 @@ def test_the_plan_of_another_curve_is_refused():
         line_times(source, path, other)
 
 
-def test_the_file_holds_every_line(tmp_path):
-    times = of_file("slots")[3]
-    without = without_jerk("slots")[3]
-    file = tmp_path / "lines.csv"
-    write_line_times(file, times, "slots.ngc", "every limit holds", without_jerk=without)
-    words = {"kind": KINDS, "held_back_by": times.limit_names}
-    with reading(file, "feedplan-lines 1", ("rows", "seconds")) as found:
-        assert float(found.header["seconds"]) == times.moving
-        assert found.header["verdict"] == "every limit holds"
-        assert float(found.header["without_jerk_limit_s"]) == without.moving
-        columns = found.columns(
-            [
-                "line",
-                "kind",
-                "length_mm",
-                "seconds",
-                "held_back_by",
-                "share",
-                "dwell_s",
-                "tool_changes",
-                "u_start",
-                "u_end",
-                "without_jerk_limit_s",
-            ],
-            words,
-        )
-    for name, values in (("line", times.line), ("seconds", times.seconds), ("held_back_by", times.binding)):
-        assert columns[name].tolist() == values.tolist()
-    assert columns["without_jerk_limit_s"].tolist() == without.seconds.tolist()
-    write_line_times(tmp_path / "lines.npz", times, "slots.ngc", "every limit holds")
-    with np.load(tmp_path / "lines.npz") as arrays:
-        assert arrays["line"].tolist() == times.line.tolist()
-        assert arrays["seconds"].tolist() == times.seconds.tolist()
-        assert "without_jerk_limit_s" not in arrays
-
-
 class TestWithoutJerk:
     def test_trapezoids_from_stop_to_stop(self):
         """40 mm at 100 mm/s: s/v + v/a; 4 mm does not reach the feed: 2 sqrt(s/a)."""
@@ -266,3 +230,60 @@ def test_moves_in_space():
     assert path.curve.axes == ("X", "Z")
     assert [KINDS[k] for k in times.kind] == ["line", "line", "rapid"]
     assert times.moving == pytest.approx(profile.duration, abs=1e-9)
+
+
+class TestAlongTheRun:
+    TEXT = "G21 G90\nT1 M6\nG0 X0 Y0\nG1 X20 F3000\nG4 P0.5\nY20\nM3 S100\nT2 M6\nG0 X0\nM2\n"
+
+    def test_starts(self, tmp_path):
+        """As the planned edges and the rests put them, dwells, tool changes and the spindle counted."""
+        source, path, profile, _ = from_text(tmp_path, self.TEXT)
+        rests = RestTimes(8.0, 3.0)
+        times = line_times(source, path, profile, rests)
+        edges = move_edges(path, profile)
+        assert dict(zip(times.line.tolist(), times.start.tolist(), strict=True)) == pytest.approx(
+            {2: 0.0, 3: 8.0, 4: 8.0, 5: 8.0 + edges[1], 6: 8.5 + edges[1], 7: 8.5 + edges[2], 8: 11.5 + edges[2],
+             9: 19.5 + edges[2]}
+        )  # fmt: skip
+        assert times.total == pytest.approx(profile.duration + 0.5 + 2 * 8.0 + 3.0)
+        assert line_times(source, path, profile).total == pytest.approx(profile.duration + 0.5)
+
+    def test_ends_and_feeds(self, tmp_path):
+        times = from_text(tmp_path, self.TEXT)[3]
+        at = dict(zip(times.line.tolist(), range(times.line.size), strict=True))
+        assert times.end[at[4], :3].tolist() == [20.0, 0.0, 0.0]
+        assert times.end[at[5], :3].tolist() == [20.0, 0.0, 0.0]
+        assert times.end[at[9], :3].tolist() == [0.0, 20.0, 0.0]
+        assert (times.feed[at[4]], times.feed[at[9]]) == (50.0, np.inf)
+        assert np.isnan(times.feed[at[5]])
+        assert times.mean_feed[at[4]] == pytest.approx(20.0 / times.seconds[at[4]])
+        assert times.mean_feed[at[5]] == 0.0
+
+    def test_the_highest_feed_is_that_of_the_plan(self):
+        path, profile, times = of_file("slots")[1:]
+        edges = move_edges(path, profile)
+        for row in range(1, times.line.size):
+            t = np.linspace(edges[row - 1], edges[row], 400)
+            dense = float(profile.at(t).feed.max())
+            assert times.highest_feed[row] == pytest.approx(dense, rel=2e-3)
+            assert times.highest_feed[row] >= times.mean_feed[row] * (1.0 - 2e-3)
+
+    def test_a_line_that_is_run_again_begins_the_first_time(self, tmp_path):
+        text = "G21 G90\n#1=3\no1 while [#1 GT 0]\nG1 X[#1] F600\nG4 P1\n#1=[#1-1]\no1 endwhile\nM2\n"
+        path, profile, times = from_text(tmp_path, text)[1:]
+        assert times.line.tolist() == [4, 5]
+        first = move_edges(path, profile)[1]
+        assert times.start == pytest.approx([0.0, first])
+        assert times.dwell.tolist() == [0.0, 3.0]
+        assert times.end[0, 0] == 1.0
+
+    def test_held_seconds_add_up_to_the_shares_of_the_plan(self):
+        path, profile = of_file("slots")[1:3]
+        edges = move_edges(path, profile)
+        group = np.arange(edges.size - 1) % 3
+        held = held_seconds(profile, edges, group, 3)
+        shares = profile.shares()
+        for name, seconds in held.items():
+            assert seconds.shape == (3,)
+            assert seconds.sum() / profile.duration == pytest.approx(shares[name], abs=1e-9)
+        assert set(held) == set(shares) - {"none"}

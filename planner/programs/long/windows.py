@@ -38,6 +38,7 @@ from planner.files.whole_file import require_writable
 from planner.geometry.tolerance import PathKind
 from planner.inputs import positive_number, require_path
 from planner.machine.limits import SCALARS, Limits
+from planner.programs.line_table import write_line_times
 from planner.programs.long.done import Done
 from planner.programs.long.journal import FORMAT, Journal
 from planner.programs.long.path_ahead import PathAhead
@@ -48,7 +49,8 @@ from planner.programs.path.joint_runs import reason_of_machine
 from planner.programs.path.moves import ProgramAxes
 from planner.programs.reading.program import Program
 from planner.programs.reading.reader import read_program
-from planner.programs.times import LineTimes, combined, write_line_times
+from planner.programs.schedule import Schedule
+from planner.programs.times import LineTimes, combined
 from planner.quantity import AXIS
 from planner.types import FloatArray, Progress
 from planner.verify.findings import BREAKS, HOLDS
@@ -277,9 +279,8 @@ def _line_times(journal: Journal, done: Done, program: Program) -> LineTimes:
         u[0, row] = np.fmin(u[0, row], start[1] + edges[:-1])
         u[1, row] = np.fmax(u[1, row], start[1] + edges[1:])
     edges = _filled(np.append(u[0, moving], np.nanmax(u[1])))
-    return combined(
-        program, program.line[moving], edges, seconds[moving], (binding[moving], held[moving], done.limit_names)
-    )
+    limit = binding[moving], held[moving], done.limit_names
+    return combined(program, Schedule.of(program, seconds[moving]), edges, limit)
 
 
 def _verdict(done: Done) -> str:

@@ -16,8 +16,8 @@ _ENTRY = re.compile(r"([A-Z])([-+]?\d*\.?\d+(?:E[-+]?\d+)?|[-+]?\d+\.)", re.IGNO
 
 @dataclass(frozen=True)
 class Tool:
-    """A tool: its offsets along X Y Z A B C U V W, mm and degrees, or those of the first of them; its diameter, mm; and of a
-    lathe tool the orientation.
+    """A tool: its offsets along X Y Z A B C U V W, mm and degrees, or those of the first of them; its diameter, mm; of a
+    lathe tool the orientation; and what the table calls it.
 
     An orientation is LinuxCNC's: 1 to 8 are the sides on which the tool is, 0 and 9 its middle.
     """
@@ -25,6 +25,7 @@ class Tool:
     offset: tuple[float, ...] = (0.0, 0.0, 0.0)
     diameter: float = 0.0
     orientation: int = 0
+    name: str = ""
 
 
 def read_tool_table(path: str | Path) -> Mapping[int, Tool]:
@@ -62,7 +63,10 @@ def read_tool_table(path: str | Path) -> Mapping[int, Tool]:
                 f"{file.name}:{number}: Q{orientation:g}: the orientation of a tool is a whole number from 0 to 9"
             )
         tools[int(tool)] = Tool(
-            tuple(offset if any(offset[3:]) else offset[:3]), entries.get("D", 0.0), int(orientation)
+            tuple(offset if any(offset[3:]) else offset[:3]),
+            entries.get("D", 0.0),
+            int(orientation),
+            line.partition(";")[2].strip(),
         )
     if not tools:
         raise InputError(f"{file.name}:1: end of file: there is no tool in the table; give a line T1 P1 Z40 for each")
