@@ -124,6 +124,16 @@ class ProgramTime:
         return self.rests.tool_change
 
     @property
+    def change_s(self) -> float:
+        """Time of all tool changes, s; 0 where nobody said it."""
+        return self.tool_changes * (self.rests.tool_change or 0.0)
+
+    @property
+    def spindle_s(self) -> float:
+        """Time of all spindle starts, s; 0 where nobody said it."""
+        return self.spindle_starts * (self.rests.spindle_start or 0.0)
+
+    @property
     def jerk_share(self) -> float:
         """What the jerk limit costs, as a share of the time without it; nan where that is 0."""
         least = self.without_jerk.moving

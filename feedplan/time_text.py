@@ -26,8 +26,8 @@ _PERCENT = round(100 * MORE)  # that a limit is raised by, for what it costs
 _MINUTE = 60.0
 
 
-def time_text(found: ProgramTime, rows: int = 12, file: str = "") -> list[str]:
-    """Lay out operations, tools, the longest lines, the totals, and what each limit costs; ``file`` is what was written."""
+def time_text(found: ProgramTime, rows: int = 12, files: Sequence[str] = ()) -> list[str]:
+    """Lay out operations, tools, the longest lines, the totals, and what each limit costs; ``files`` were written."""
     parts = [*fact_lines(found.facts), ""]
     if found.named:
         parts += [*_section_table(found.operations, found.total_s, "operation"), ""]
@@ -47,7 +47,7 @@ def time_text(found: ProgramTime, rows: int = 12, file: str = "") -> list[str]:
     if found.waits:
         parts += named("waits", f"{found.waits} for a person (M0, M1, M60), not in the total")
     parts += [*named("jerk limit", _cost(found)), *fact_lines(("note", note) for note in found.notes)]
-    if file:
+    for file in files:
         parts += named("written", file)
     if not found.ok:
         parts.append(styled(f"LIMIT BROKEN  {found.worst}", RED))

@@ -13,7 +13,9 @@ from feedplan.cli import batches, options
 from feedplan.cli.app import BROKEN, notice, require_apart, require_outputs, show
 from feedplan.cli.streams import Streams
 from feedplan.sources import require_program
+from planner.errors import InputError
 from planner.files.formats import ANY_COLUMN_FORMAT
+from planner.files.whole_file import require_writable
 
 if TYPE_CHECKING:
     from planner.geometry.tolerance import PathKind, PathSide
@@ -55,6 +57,10 @@ _ROWS = 12
 @click.option(
     "--output", "-o", type=options.FILE, help=f"Every line, or of several every program, {ANY_COLUMN_FORMAT}."
 )
+@click.option("--post", type=options.FILE, help="The program with its time in comments.")
+@click.option(
+    "--in-place", is_flag=True, help="Write the time into the program itself, in place of one written before."
+)
 @batches.jobs
 @batches.scheduler
 @options.as_json
@@ -77,6 +83,8 @@ def time(
     costs: bool,
     rows: int | None,
     output: Path | None,
+    post: Path | None,
+    in_place: bool,
     jobs: int | None,
     scheduler: str | None,
     as_json: bool,
@@ -98,6 +106,8 @@ def time(
                     "--rows": rows,
                     "--tolerances-um": tolerances,
                     "--costs": costs or None,
+                    "--post": post,
+                    "--in-place": in_place or None,
                     "--controller": controllers or None,
                     "--controller-setting": controller_settings or None,
                 }
@@ -111,7 +121,8 @@ def time(
             return
         program, output = at.program(programs[0]), at.output(output, ".csv")
         require_program(program, "feedplan time")
-        require_apart([output], [program, machine])
+        post = _posted(at, program, post, in_place)
+        require_apart([output, None if in_place else post], [program, machine, tools])
         require_outputs(output, None)
         given: dict[str, Any] = {
             "complete": complete, "feed": feed_mm_s, "tools": tools, "ignore": ignore, "reader": reader,
@@ -122,6 +133,7 @@ def time(
         from feedplan.controller_time import chosen_controllers, controller_times
         from feedplan.program_time import time_program
         from feedplan.progress import ProgressLine
+        from feedplan.time_comment import write_with_time
         from feedplan.time_text import time_facts, time_text
         from feedplan.tolerances import time_of_tolerances, tolerance_facts, tolerance_lines
 
@@ -147,6 +159,9 @@ def time(
             others = None
             if tolerances is not None:
                 others = time_of_tolerances(program, machine, tolerances, progress=line, **given)
+            if post is not None and found.ok:
+                line(f"writing {post}")
+                write_with_time(post, found)
         if as_json:
             facts = time_facts(found)
             if others is not None:
@@ -156,11 +171,26 @@ def time(
             click.echo(json.dumps(facts, indent=2, allow_nan=False), err=at.taken)
         else:
             shown = _ROWS if rows is None else rows
-            text = time_text(found, shown, "" if output is None else at.told(str(output)))
+            written = [at.told(str(file)) for file in (output, post if found.ok else None) if file is not None]
+            text = time_text(found, shown, written)
             if others is not None:
                 text += ["", *tolerance_lines(found.planned, others)]
             if elsewhere:
                 text += ["", *controller_lines(found, elsewhere, shown)]
             show(text, aside=at.taken)
+        if post is not None and not found.ok:
+            notice(f"{at.told(str(post))}: not written, for the plan breaks a limit")
         if not found.ok or any(row.breaks for row in others or ()):
             raise click.exceptions.Exit(BROKEN)
+
+
+def _posted(at: Streams, program: str, post: Path | None, in_place: bool) -> Path | None:
+    """The file that the program is written to with its time, refused before the work begins where it cannot be."""
+    if in_place and post is not None:
+        raise InputError("--in-place writes into the program, --post into another file; give one of them")
+    if in_place and at.told(program) != program:
+        raise InputError("--in-place needs a file to write to, and the program is standard input; give --post")
+    file = Path(program) if in_place else at.output(post, ".ngc")
+    if file is not None:
+        require_writable(file)
+    return file

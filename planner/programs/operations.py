@@ -41,9 +41,10 @@ _NAMED = tuple(
     )
 )
 _NO_NAME = re.compile(
-    r"$|T\d+\b|\d+\s*=|tools?\b|(?:msg|debug|print|log\w*|probe\w*|abort)\s*,|"
-    r"(?:machine|machining|material|units?|date|time|output|file|program|created|generated|post|vendor|description|author|"
-    r"document|exported|feedplan|block-\w+|begin|finish|end|required|made)\b|[\W\d]+$",
+    r"$|T\d+\b|\d+\s*=|tools?\b(?! ?path)|(?:msg|debug|print|log\w*|probe\w*|abort)\s*,|feedplan:|"
+    r"(?:machin\w+|materials?|units?|date|time|output|file|program|post|vendor|description|author|document|block-\w+|"
+    r"required)\b[^:=]*[:=]|(?:exported|created|generated|made|posted)\s+(?:by|with|using|on|at)\b|"
+    r"(?:begin|end)\s+(?:preamble|postamble|program|of\b)|[\W\d]+$",
     re.IGNORECASE,
 )
 _SUBPROGRAM = re.compile(r"\s*(?:N[\d.]+\s*)?O(?:\d+|<[^>]*>)\s*(?P<word>sub|endsub|call)?", re.IGNORECASE)

@@ -170,7 +170,7 @@ def test_samples(files):
 def test_line_times(files):
     """With and without the column that only ``feedplan time`` writes."""
     assert columns(files / "stops-lines.csv") == names("format-line-times", "columns")
-    listed = {row[0]: row[2] for row in rows("format-line-times", "columns")}
+    listed = {row[0]: row[-1] for row in rows("format-line-times", "columns")}
     assert columns(files / "slots-lines.csv") == [
         key for key, said in listed.items() if "`feedplan time` only" not in said
     ]
@@ -321,7 +321,10 @@ def test_json_of_times(json_of):
     }
     within = json_of("time", STOPS, "--tolerances-um", "5,50")["tolerances"]
     found["program"] = {"file": program["file"]}
-    agree_json("time", [found, {**found, "tolerances": within}])
+    others = json_of("time", STOPS, "--path", "separate"), json_of("time", STOPS, "--costs")
+    assert "saved_by_one_percent_s" in others[0]
+    more = [{**facts, "program": found["program"]} for facts in others]
+    agree_json("time", [found, {**found, "tolerances": within}, *more])
 
 
 def test_json_of_other_commands(files, json_of):
@@ -351,7 +354,8 @@ def agree_json(table, found):
     listed = set(names("format-json", table))
     sets = []
     for facts in found:
-        keys = {re.sub(r"^(held_back_by|saved_by_one_percent_s)\..*", r"\1.{limit}", key) for key in dotted(facts)}
+        shares = r"^((?:\w+\[\]\.)?(?:held_back_by|saved_by_one_percent_s))\..*"
+        keys = {re.sub(shares, r"\1.{limit}", key) for key in dotted(facts)}
         keys = {re.sub(r"^checks\.(plan|samples)\[\]", "checks.{which}[]", key) for key in keys}
         keys = {re.sub(r"\.breaks\.G\d$", ".breaks.{order}", key) for key in keys}
         ratios = {f"methods[].{quantity.key}_ratio" for quantity in QUANTITIES}

@@ -156,8 +156,8 @@ class TestPlan:
         file.write_text("G21 G90\nG0 X0 Y0\nG64 P0.01\nG1 X20 F1200\nX60 F30000\nM2\n")
         lines = tmp_path / "lines.csv"
         assert run("plan", file, "--lines", lines)[0] == 0
-        rows = [line.split(",") for line in lines.read_text().splitlines() if not line.startswith("#")][1:]
-        mean = {int(row[0]): float(row[2]) / float(row[3]) for row in rows if float(row[3]) > 0.0}
+        rows = list(csv.DictReader(line for line in lines.read_text().splitlines() if not line.startswith("#")))
+        mean = {int(row["line"]): float(row["mean_feed_mm_min"]) / 60.0 for row in rows}
         assert 17.0 < mean[4] <= 20.0  # F1200
         assert 60.0 < mean[5] <= 100.0  # F30000, but 100 mm/s is the machine's
 
@@ -217,25 +217,28 @@ class TestTime:
     def test_text_tells_the_longest_lines_first(self, run, part, machine):
         code, out, _ = run("time", part, "--machine", machine, "--rows", "2")
         assert code == 0
-        rows = [line.split() for line in out.splitlines()]
-        head = next(k for k, row in enumerate(rows) if row[:2] == ["line", "kind"])
-        assert [row[0] for row in rows[head + 1 : head + 5]] == ["9", rows[head + 2][0], "9", "all"]
-        assert rows[head + 3][1] == "others"
-        assert float(rows[head + 1][3]) >= float(rows[head + 2][3])
+        lines = out.splitlines()
+        head = next(k for k, line in enumerate(lines) if line.split()[:2] == ["line", "text"])
+        longest = [line.split() for line in lines[head + 1 : head + 5]]
+        assert [row[0] for row in longest] == ["9", "14", "9", "all"]
+        assert longest[2][1] == "others"
+        assert lines[head + 1].split(maxsplit=1)[1].startswith("G1 Z-1 F300 ")
+        assert float(longest[0][5]) >= float(longest[1][4])
         text = flat(out)
+        assert "tool starts time seconds % held back by T1 0:00:00" in text
         assert (
             "dwells 0.5 s tool changes 1; not in the total, for nobody says how long one takes: --tool-change-s" in text
         )
-        assert "same path takes at best without one held back by" in text
-        assert max(len(line) for line in out.splitlines()) <= 80
+        assert text.endswith("same path takes at best without one")
+        assert max(len(line) for line in lines) <= 80
 
     def test_head_and_shares_are_those_of_plan(self, run, part, machine):
         time, plan = (flat(run(command, part, "--machine", machine)[1]) for command in ("time", "plan"))
         heads = [re.findall(r" machine [^;]+; .*? period [0-9.]+ m?s ", text) for text in (time, plan)]
         assert len(heads[0]) == 1
         assert heads[0] == heads[1]
-        held = time[time.rindex("held back by") :].strip()
-        assert held in plan
+        held = time[time.rindex("held back by motion") : time.rindex(" total ")].removeprefix("held back by motion ")
+        assert held.replace("% ", "%, ") in plan
         shares = [float(x) for x in re.findall(r"([0-9.]+)%", held)]
         assert sum(shares) == pytest.approx(100.0, abs=0.06 * len(shares))
 
