@@ -6,7 +6,7 @@ import csv
 import io
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +29,8 @@ def rows_text(found: TimeRows, notes: Sequence[str], file: str = "") -> list[str
     columns |= {"held back by": [_held_by(row) for row in rows], "share": [_share(row) for row in rows]}
     columns["verdict"] = [_verdict(row) for row in rows]
     lines = table(list(columns), list(zip(*columns.values(), strict=True)), left=_LEFT)
-    lines += ["", *total_lines(found), *reason_lines(rows), *note_lines(rows, notes)]
+    names = [row.case.file.label for row in rows]
+    lines += ["", *total_lines(found), *reason_lines(rows, names), *note_lines(rows, names, notes)]
     return lines + (named("written", file) if file else [])
 
 
@@ -65,30 +66,26 @@ def total_lines(found: TimeRows) -> list[str]:
     return lines
 
 
-def reason_lines(rows: Sequence[TimeRow], name: Mapping[int, str] | None = None) -> list[str]:
-    """Why rows have no time, or which limit a plan breaks."""
+def reason_lines(rows: Sequence[TimeRow], names: Sequence[str]) -> list[str]:
+    """Why rows have no time, or which limit a plan breaks; ``names`` is what to call each."""
     lines: list[str] = []
-    for k, row in enumerate(rows):
+    for row, name in zip(rows, names, strict=True):
         if not row.ok:
-            label = row.case.file.label if name is None else name[k]
-            text = row.reason if row.reason.startswith(f"{label}:") else f"{label}: {row.reason}"
-            if row.time is not None:
-                text = f"{label}: LIMIT BROKEN  {row.reason}"
+            broken = "" if row.time is None else "LIMIT BROKEN  "
+            text = row.reason if row.reason.startswith(f"{name}:") else f"{name}: {broken}{row.reason}"
             lines += [styled(line, RED) for line in indented(text)]
     return lines
 
 
-def note_lines(rows: Sequence[TimeRow], notes: Sequence[str]) -> list[str]:
+def note_lines(rows: Sequence[TimeRow], names: Sequence[str], notes: Sequence[str]) -> list[str]:
     """What a person should know: of the folders, and of the programs, the same once."""
     said: dict[str, list[str]] = {}
-    for row in rows:
+    for row, name in zip(rows, names, strict=True):
         for note in row.time.notes if row.time is not None else ():
-            said.setdefault(note, []).append(row.case.file.label)
+            said.setdefault(note, []).append(name)
     texts = list(notes)
-    for note, labels in said.items():
-        distinct = list(dict.fromkeys(labels))
-        of = distinct[0] if len(distinct) == 1 else f"{distinct[0]} and {len(distinct) - 1} more"
-        texts.append(f"{of}: {note}")
+    for note, of in said.items():
+        texts.append(f"{of[0] if len(of) == 1 else f'{of[0]} and {len(of) - 1} more'}: {note}")
     return [line for text in texts for line in named("note", text)]
 
 
@@ -137,8 +134,13 @@ def row_facts(row: TimeRow) -> dict[str, Any]:
     }
 
 
-def rows_json(found: TimeRows, notes: Sequence[str], facts: Sequence[dict[str, Any]] | None = None) -> str:
-    """All rows as JSON."""
+def rows_facts(found: TimeRows) -> list[dict[str, Any]]:
+    """All rows as plain values."""
+    return list(map(row_facts, found.rows))
+
+
+def rows_json(found: TimeRows, notes: Sequence[str], facts: Sequence[dict[str, Any]]) -> str:
+    """All rows as JSON; ``facts`` are those of the rows."""
     timed = [row.time.total_s for row in found.rows if row.time is not None]
     return json.dumps(
         {
@@ -148,7 +150,7 @@ def rows_json(found: TimeRows, notes: Sequence[str], facts: Sequence[dict[str, A
             "total_s": math.fsum(timed),
             "interrupted": found.interrupted,
             "notes": list(notes),
-            "programs": list(map(row_facts, found.rows)) if facts is None else list(facts),
+            "programs": list(facts),
         },
         indent=2,
         allow_nan=False,

@@ -53,6 +53,8 @@ Examples:
   feedplan replay table.csv butterfly-nurbs --period-s 0.001 -o samples.csv
   feedplan time part.ngc --machine mill.toml --tolerance-mm 0.01
   feedplan time part.ngc --machine mill.toml --tolerances-um 1,10,50
+  feedplan time parts/*.ngc --machine mill.toml
+  feedplan sweep part.ngc --machine mill.toml --scale jerk=1,2,4
   feedplan windows long.ngc --machine mill.toml -o plan.npz
   feedplan ngc part.ngc --machine mill.toml --tolerance-mm 0.01 -o out.ngc
   feedplan report table.csv butterfly-nurbs -o report.html
@@ -72,6 +74,7 @@ _COMMANDS = (
     "compare",
     "report",
     "time",
+    "sweep",
     "ngc",
     "windows",
     "calibrate",

@@ -57,7 +57,7 @@ def time_many(
     as_json: bool,
 ) -> None:
     """Time part programs on one machine, and print a row each."""
-    from feedplan.batch_text import rows_text
+    from feedplan.batch_text import rows_facts, rows_text
     from feedplan.batch_times import NamedMachine, TimingCase, TimingOptions
     from feedplan.job import load_machine
     from feedplan.program_files import find_programs
@@ -65,7 +65,7 @@ def time_many(
     found, name = load_machine(machine, complete=complete)
     files, notes = find_programs(programs)
     cases = [TimingCase(file, NamedMachine(name, found), tolerance) for file in files]
-    report_rows(at, cases, TimingOptions(**alike), notes, hands, output, as_json, rows_text)
+    report_rows(at, cases, TimingOptions(**alike), notes, hands, output, as_json, (rows_text, rows_facts))
 
 
 def report_rows(
@@ -76,21 +76,24 @@ def report_rows(
     hands: Hands,
     output: Path | None,
     as_json: bool,
-    text: Callable[[TimeRows, Sequence[str], str], list[str]],
+    shown: tuple[Callable[[TimeRows, Sequence[str], str], list[str]], Callable[[TimeRows], list[dict[str, Any]]]],
 ) -> None:
-    """Time cases, write and print the rows, and leave with the largest of their exit codes."""
-    from feedplan.batch_text import row_facts, rows_json, write_rows
+    """Time cases, write and print the rows, and leave with the largest of their exit codes.
+
+    ``shown``: what makes text of them for a person, with the notes and the name of the file; and plain values, a row each.
+    """
+    from feedplan.batch_text import rows_json, write_rows
 
     output = at.output(output, ".csv")
     require_apart([output], [case.file.path for case in cases])
     require_outputs(output, None)
     found = _timed(cases, options, hands)
     if output is not None:
-        write_rows(output, list(map(row_facts, found.rows)))
+        write_rows(output, shown[1](found))
     if as_json:
-        click.echo(rows_json(found, notes), err=at.taken)
+        click.echo(rows_json(found, notes, shown[1](found)), err=at.taken)
     else:
-        show(text(found, notes, "" if output is None else at.told(str(output))), aside=at.taken)
+        show(shown[0](found, notes, "" if output is None else at.told(str(output))), aside=at.taken)
     code = INTERRUPTED if found.interrupted else max(map(_row_code, found.rows), default=0)
     if code:
         raise click.exceptions.Exit(code)

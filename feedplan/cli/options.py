@@ -45,19 +45,27 @@ table = click.argument(
     "table", metavar="TABLE", type=FILE, help=f'Feedrate table, {ANY_COLUMN_FORMAT}; "-" is standard input.'
 )
 program = click.argument("program", metavar="PROGRAM", type=click.Path(), help="Part program, .ngc.")
-_machine = click.option(
-    "--machine",
-    metavar="FILE",
-    help="Machine file (.toml; .ini of LinuxCNC, .cfg of Klipper, $$ of GRBL), or an example machine.",
-    shell_complete=lambda _context, _parameter, incomplete: _or_files(machine_names(incomplete), incomplete),
-)
+_MACHINE: dict[str, Any] = {
+    "metavar": "FILE",
+    "help": "Machine file (.toml; .ini of LinuxCNC, .cfg of Klipper, $$ of GRBL), or an example machine.",
+    "shell_complete": lambda _context, _parameter, incomplete: _or_files(machine_names(incomplete), incomplete),
+}
 _COMPLETIONS = tuple(f"{key}_{unit}_{time}" for unit in ("mm", "rad") for key, time in _COMPLETED)
 """As :data:`planner.machine.machine_table.COMPLETIONS`, which takes numpy to load."""
 
 
 def machine(command: Callable[..., None]) -> Callable[..., None]:
     """The machine, and ``complete``: limits for the axes that its file has none for, by their keys."""
+    return click.option("--machine", **_MACHINE)(_completed(command))
 
+
+def machines(command: Callable[..., None]) -> Callable[..., None]:
+    """The same of several machines."""
+    several = _MACHINE | {"help": f"{_MACHINE['help']}  May be repeated."}
+    return click.option("--machine", "machines", multiple=True, **several)(_completed(command))
+
+
+def _completed(command: Callable[..., None]) -> Callable[..., None]:
     @functools.wraps(command)
     def with_completions(**values: Any) -> None:
         given = {key: values.pop(key) for key in _COMPLETIONS}
@@ -68,7 +76,7 @@ def machine(command: Callable[..., None]) -> Callable[..., None]:
         which = "that turn and have" if "_rad_" in key else "that have"
         said = f"{quantity} limit of axes {which} none in the machine file."
         with_completions = click.option(f"--{key.replace('_', '-')}", type=float, help=said)(with_completions)
-    return _machine(with_completions)
+    return with_completions
 
 
 scale = click.option("--scale", type=float, default=1.0, help="Multiplies the linear axes of the curve.")

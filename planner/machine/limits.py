@@ -22,6 +22,8 @@ _WIDTH = 100  # characters of a line of the repr
 # What besides the quantities is one number: the period (s), and the feed of rapids (mm/s).
 PERIOD, RAPID = "period", "rapid"
 SCALARS = (FEED.key, CHORD_ERROR.key, PERIOD, *(q.key for q in PATH if q not in (FEED, CHORD_ERROR)), RAPID)
+SCALABLE = (*(q.key for q in AXIS), *(name for name in SCALARS if name != PERIOD))
+"""What :meth:`Limits.scaled` multiplies."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -211,21 +213,46 @@ class Limits:
         """Return the same limits with any chord error allowed."""
         return self._replace(chord_error=np.inf)
 
+    def scaled(self, key: str, factor: float, axis: str = "") -> Limits:
+        """Return the same limits with one of them multiplied; of the axes, of one where it is named.
+
+        Parameters
+        ----------
+        key : str
+            One of :data:`SCALABLE`.
+        factor : float
+            > 0.
+        axis : str
+            Name of an axis, for what is limited on each.
+
+        Raises
+        ------
+        InputError
+            If there is no such limit or axis, or the factor is not a finite number > 0.
+        """
+        if key not in SCALABLE:
+            raise InputError(f"{key}: is no limit to scale; these are {', '.join(SCALABLE)}")
+        if np.isinf(positive_number(factor, f"factor of {key}")):
+            raise InputError(f"factor of {key} = {factor!r} must be finite")
+        of_axes = key in [q.key for q in AXIS]
+        if axis and (not of_axes or axis not in self.axes):
+            allowed = f"its axes are {', '.join(self.axes)}" if of_axes else "it is one of the path"
+            raise InputError(f"{key}.{axis}: the machine has no such limit; {allowed}")
+        factors = np.where([name == axis for name in self.axes], factor, 1.0) if axis else factor
+        return self._replace(**{key: getattr(self, key) * factors})
+
     def raised(self, name: str, factor: float) -> Limits:
         """Return the same limits with one of them multiplied: "jerk X", "chord error"; with "feed" also the rapids.
 
         Raises InputError where there is no such limit.
         """
-        factor = positive_number(factor, "factor")
         for quantity in QUANTITIES:
             if quantity.scope is Scope.PATH and name == quantity.label:
-                rapid = {RAPID: factor * self.rapid} if quantity is FEED else {}
-                return self._replace(**{quantity.key: factor * getattr(self, quantity.key)}, **rapid)
-            for k, axis in enumerate(self.axes if quantity.scope is Scope.AXIS else ()):
+                found = self.scaled(quantity.key, factor)
+                return found._replace(**{RAPID: factor * self.rapid}) if quantity is FEED else found
+            for axis in self.axes if quantity.scope is Scope.AXIS else ():
                 if name == quantity.of(axis):
-                    row = getattr(self, quantity.key).copy()
-                    row[k] *= factor
-                    return self._replace(**{quantity.key: row})
+                    return self.scaled(quantity.key, factor, axis)
         known = ", ".join(limit_names(self.axes)[1:])
         raise InputError(f'"{shorten(name)}" is no limit of these; they are {known}')
 

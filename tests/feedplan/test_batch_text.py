@@ -13,7 +13,7 @@ import pytest
 from texts import flat, strict_json
 
 from feedplan.batch import UnfinishedError
-from feedplan.batch_text import row_facts, rows_json, rows_text, write_rows
+from feedplan.batch_text import row_facts, rows_facts, rows_json, rows_text, write_rows
 from feedplan.batch_times import CaseTime, NamedMachine, TimeRow, TimeRows, TimingCase
 from feedplan.program_files import ProgramFile
 from planner.errors import InfeasibleError, InputError
@@ -74,7 +74,7 @@ def test_columns_that_no_program_has_are_left_out():
 
 
 def test_the_same_for_a_program(found):
-    facts = strict_json(rows_json(found, ["a note"]))
+    facts = strict_json(rows_json(found, ["a note"], rows_facts(found)))
     assert (facts["ok"], facts["count"], facts["timed"], facts["interrupted"]) == (False, 5, 2, False)
     assert facts["total_s"] == math.fsum([3725.4, 7.6])
     assert facts["notes"] == ["a note"]
