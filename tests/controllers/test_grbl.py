@@ -1,11 +1,16 @@
 """The model of GRBL, against closed forms: the trapezoid, the limits by direction, the junction deviation, the buffer."""
 
+import json
+
 import numpy as np
 import pytest
 
-from planner import InputError
+from benchmarks.controllers.__main__ import GRBL, GRBL_SETTINGS
+from benchmarks.controllers.programs import FILES, MADE
+from planner import InputError, read_program
 from planner.controllers.grbl import GrblSettings, grbl_motion, limit_along
 
+TIMES = json.loads(GRBL.read_text())["times"]
 PLAIN = GrblSettings([100.0] * 3, [1000.0] * 3)
 
 
@@ -16,6 +21,24 @@ def settings(**changes):
 def speed_after(motion, leg=0):
     """At the end of a leg."""
     return motion.speed_at(motion.start[1 + np.flatnonzero(motion.leg == leg)[-1:]])[0]
+
+
+class TestAgainstGrbl:
+    """Numbers of GRBL 1.1h's own planner and stepper code, whose clock rounds every step (benchmarks/controllers)."""
+
+    @pytest.mark.parametrize("row", TIMES, ids=lambda row: f"{row['program']}-{row['settings']}")
+    def test_times(self, row, tmp_path):
+        name = row["program"]
+        path = FILES / name
+        if name in MADE:
+            path = tmp_path / name
+            path.write_text(MADE[name]())
+        motion = grbl_motion(read_program(path), GRBL_SETTINGS[row["settings"]])
+        assert motion.duration == pytest.approx(row["seconds"], rel=8e-4)
+
+    def test_twelve_programs_by_three_settings(self):
+        assert len(TIMES) == 36
+        assert len({row["program"] for row in TIMES}) == 12
 
 
 class TestOneLine:
@@ -133,6 +156,30 @@ class TestWords:
             assert r * (1 - np.cos(np.pi / n)) < 1.3 * tolerance
 
 
+class TestSteps:
+    def test_points_are_rounded_to_steps(self, program):
+        motion = grbl_motion(program("G1 X0.1234 Y0.02 F600\nX0.26\nM2\n"), settings(steps_per_mm=[100, 10, 10]))
+        ends = motion.legs.at(np.arange(motion.length.size), motion.length)[0]
+        assert ends[:, :2] == pytest.approx(np.array([[0.12, 0.0], [0.26, 0.0]]))
+
+    def test_a_move_of_no_step_is_none(self, program):
+        motion = grbl_motion(program("G1 X1 F600\nX1.004\nX2\nM2\n"), settings(steps_per_mm=100.0))
+        assert motion.line.tolist() == [1, 3]
+
+    def test_short_blocks_are_slowed(self, program):
+        """Without them half a degree a block is no corner."""
+        t = np.radians(0.5 * np.arange(1, 300))
+        text = "F6000\n" + "".join(
+            f"G1 X{x:.5f} Y{y:.5f}\n" for x, y in zip(10 * np.sin(t), 10 - 10 * np.cos(t), strict=True)
+        )
+        made = program(text + "M2\n")
+        coarse, fine, none = (
+            grbl_motion(made, settings(junction_deviation=0.002, steps_per_mm=s)).duration for s in (80, 1e5, np.inf)
+        )
+        assert coarse > 1.2 * none
+        assert fine == pytest.approx(none, rel=1e-3)
+
+
 class TestProperties:
     @pytest.mark.parametrize("seed", range(5))
     def test_time_falls_as_limits_rise(self, program, seed):
@@ -173,6 +220,8 @@ class TestBadInput:
             ({"junction_deviation": -0.01}, "junction_deviation = -0.01 must be a number >= 0"),
             ({"junction_deviation": "0.01"}, "junction_deviation = '0.01'"),
             ({"arc_tolerance": 0.0}, "arc_tolerance = 0.0 must be a number > 0"),
+            ({"steps_per_mm": 0.0}, "steps_per_mm = .* must be three numbers > 0"),
+            ({"steps_per_mm": [80.0, 80.0]}, "steps_per_mm = .* must be three numbers > 0"),
             ({"planner_blocks": 1}, "planner_blocks = 1 must be a whole number of at least 2"),
             ({"planner_blocks": 15.5}, "planner_blocks = 15.5 must be a whole"),
         ],

@@ -5,14 +5,14 @@ import json
 import numpy as np
 import pytest
 
-from benchmarks.controllers.__main__ import RECORD, SETTINGS
+from benchmarks.controllers.__main__ import KALICO, KLIPPER_SETTINGS
 from benchmarks.controllers.programs import FILES, MADE
 from planner import InputError, check, read_program
 from planner.controllers.klipper import FIRST_FEED, KlipperSettings, klipper_motion
 from planner.machine.limits import Limits
 
 SHARP = KlipperSettings(100.0, 1000.0, minimum_cruise_ratio=0.0)
-TIMES = json.loads(RECORD.read_text())["times"]
+TIMES = json.loads(KALICO.read_text())["times"]
 
 
 def corner(degrees):
@@ -36,9 +36,9 @@ class TestAgainstKalico:
         if name in MADE:
             path = tmp_path / name
             path.write_text(MADE[name]())
-        motion = klipper_motion(read_program(path), SETTINGS[row["settings"]])
-        assert motion.length.size == row["moves"]
-        assert motion.duration == pytest.approx(row["kalico_s"], rel=1e-9)
+        motion = klipper_motion(read_program(path), KLIPPER_SETTINGS[row["settings"]])
+        assert motion.length.size == row["legs"]
+        assert motion.duration == pytest.approx(row["seconds"], rel=1e-9)
 
     def test_twelve_programs_by_three_settings(self):
         assert len(TIMES) == 36

@@ -59,6 +59,22 @@ class TestFiles:
             ("planner_blocks", 15.0, DEFAULT),
         )
 
+    def test_steps_of_a_dump(self, tmp_path):
+        path = tmp_path / "grbl.txt"
+        rows = [f"$10{k}={s}\n$11{k}=600\n$12{k}=90\n" for k, s in enumerate((250, 250, 400))]
+        for text, steps in (
+            ("".join(rows), [250.0, 250.0, 400.0]),
+            ("".join(rows).replace("$101=250\n", ""), [np.inf] * 3),
+        ):
+            path.write_text(text)
+            machine = read_machine(path)
+            found = settings_on(GRBL, machine.limits, machine.setup.controller, {})
+            assert found.settings.steps_per_mm.tolist() == steps
+            said = [row for row in found.said if row[0] == "steps_per_mm"]
+            assert said == ([("steps_per_mm", (250.0, 250.0, 400.0), FILE)] if np.isfinite(steps).all() else [])
+        (given,) = [r for r in settings_on(GRBL, XYZ, ControllerWords(), {"steps_per_mm": 80}).said if r[0][0] == "s"]
+        assert given == ("steps_per_mm", 80.0, GIVEN)
+
     def test_klipper_configuration(self, tmp_path):
         path = tmp_path / "printer.cfg"
         path.write_text(

@@ -1,0 +1,4 @@
+#pragma once
+#define ISR(name) void name(void)
+#define sei()
+#define cli()

@@ -1,0 +1,3 @@
+#pragma once
+#define PROGMEM
+#define PSTR(text) text

@@ -1,0 +1,2 @@
+#pragma once
+#define wdt_enable(value)

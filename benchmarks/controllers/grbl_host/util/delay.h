@@ -1,0 +1,3 @@
+#pragma once
+#define _delay_ms(value)
+#define _delay_us(value)
