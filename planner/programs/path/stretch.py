@@ -26,7 +26,9 @@ _MAX_PASSES = 12
 _LOCAL_PASSES = 6  # after these the whole tube is narrowed
 _REWEIGHTINGS = 1  # with the curve at hand, after the first solve
 _NARROWED = 0.999  # of the tolerance: the rows' half-width at first
-_WITHIN = 0.9998  # of the tolerance, measured at samples: the peaks between them are higher by less than the rest
+# Of the tolerance, measured at samples and at the peaks between them: what is aimed at, and what is enough.  A place that is
+# held by rows beside it comes ever closer to what is aimed at, and would take all passes.
+_WITHIN, _SETTLED = 0.9998, 0.9999
 _A_LITTLE = 1.1
 _MAX_NARROWING = 0.5  # in one pass
 _SHRINK = 0.95
@@ -198,7 +200,7 @@ def _fit_window(
         powers = _all_axes(spline, moving, rest)
         measured = float(away[worst]), float(s[worst])
         found = Fitted(spline.knots, powers, stretch.tolerance, *measured, count, iterations)
-        settled = count > _REWEIGHTINGS and away[worst] <= _WITHIN * stretch.tolerance
+        settled = count > _REWEIGHTINGS and away[worst] <= _SETTLED * stretch.tolerance
         if best is None or count <= 1 + _REWEIGHTINGS or found.deviation < best.deviation:
             best = found
         if settled:
