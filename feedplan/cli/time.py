@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +19,9 @@ from planner.files.formats import ANY_COLUMN_FORMAT
 from planner.files.whole_file import require_writable
 
 if TYPE_CHECKING:
+    from feedplan.controller_time import ControllerTime
+    from feedplan.program_time import ProgramTime
+    from feedplan.tolerances import ToleranceTime
     from planner.geometry.tolerance import PathKind, PathSide
 
 _ROWS = 12
@@ -129,13 +133,11 @@ def time(
             "path": path,
             "side": side,
         }  # fmt: skip
-        from feedplan.controller_text import controller_facts, controller_lines
         from feedplan.controller_time import chosen_controllers, controller_times
         from feedplan.program_time import time_program
         from feedplan.progress import ProgressLine
         from feedplan.time_comment import write_with_time
-        from feedplan.time_text import time_facts, time_text
-        from feedplan.tolerances import time_of_tolerances, tolerance_facts, tolerance_lines
+        from feedplan.tolerances import time_of_tolerances
 
         chosen = chosen_controllers(controllers, controller_settings)
         with ProgressLine() as line:
@@ -162,26 +164,42 @@ def time(
             if post is not None and found.ok:
                 line(f"writing {post}")
                 write_with_time(post, found)
-        if as_json:
-            facts = time_facts(found)
-            if others is not None:
-                facts["tolerances"] = tolerance_facts(found.planned, others)
-            if elsewhere:
-                facts["controllers"] = controller_facts(found, elsewhere)
-            click.echo(json.dumps(facts, indent=2, allow_nan=False), err=at.taken)
-        else:
-            shown = _ROWS if rows is None else rows
-            written = [at.told(str(file)) for file in (output, post if found.ok else None) if file is not None]
-            text = time_text(found, shown, written)
-            if others is not None:
-                text += ["", *tolerance_lines(found.planned, others)]
-            if elsewhere:
-                text += ["", *controller_lines(found, elsewhere, shown)]
-            show(text, aside=at.taken)
+        written = [at.told(str(file)) for file in (output, post if found.ok else None) if file is not None]
+        _tell(at, found, others, elsewhere, _ROWS if rows is None else rows, written, as_json)
         if post is not None and not found.ok:
             notice(f"{at.told(str(post))}: not written, for the plan breaks a limit")
         if not found.ok or any(row.breaks for row in others or ()):
             raise click.exceptions.Exit(BROKEN)
+
+
+def _tell(
+    at: Streams,
+    found: ProgramTime,
+    others: Sequence[ToleranceTime] | None,
+    elsewhere: Sequence[ControllerTime],
+    rows: int,
+    written: Sequence[str],
+    as_json: bool,
+) -> None:
+    """Show the time of a program, and what was asked for beside it, as text or as JSON."""
+    from feedplan.controller_text import controller_facts, controller_lines
+    from feedplan.time_text import time_facts, time_text
+    from feedplan.tolerances import tolerance_facts, tolerance_lines
+
+    if as_json:
+        facts = time_facts(found)
+        if others is not None:
+            facts["tolerances"] = tolerance_facts(found.planned, others)
+        if elsewhere:
+            facts["controllers"] = controller_facts(found, elsewhere)
+        click.echo(json.dumps(facts, indent=2, allow_nan=False), err=at.taken)
+        return
+    text = time_text(found, rows, written)
+    if others is not None:
+        text += ["", *tolerance_lines(found.planned, others)]
+    if elsewhere:
+        text += ["", *controller_lines(found, elsewhere, rows)]
+    show(text, aside=at.taken)
 
 
 def _posted(at: Streams, program: str, post: Path | None, in_place: bool) -> Path | None:
