@@ -18,7 +18,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from feedplan.batch import BatchTask, TaskOutcome, WorkerPool, run_batch
-from feedplan.program_files import ProgramFile
+from feedplan.program_files import ProgramFile, called_files
 from planner.errors import FeedrateError, InputError
 from planner.types import Progress
 
@@ -188,6 +188,7 @@ class Parcel:
     name: str
     label: str
     program: bytes
+    called: dict[str, bytes]
     machine: Machine
     tools: tuple[str, bytes] | None
     options: dict[str, Any] = field(default_factory=dict)
@@ -207,11 +208,13 @@ class _Arguments:
         options = {
             name: getattr(self.options, name) for name in ("feed", "tool_change_s", "ignore", "reader", "path", "side")
         }
+        content = self.case.file.read()
         return (
             Parcel(
                 self.case.file.path.name,
                 self.case.file.label,
-                self.case.file.read(),
+                content,
+                called_files(self.case.file, content),
                 replace(machine, setup=replace(machine.setup, tools=None)),
                 None if tools is None else (str(tools), _content(tools)),
                 options | {"tolerance": self.case.tolerance},
@@ -234,6 +237,8 @@ def timed(parcel: Parcel) -> CaseTime:
         names = {}
         (program := Path(folder) / "program" / parcel.name).parent.mkdir()
         program.write_bytes(parcel.program)
+        for name, content in parcel.called.items():
+            (program.parent / name).write_bytes(content)
         names[str(program)] = parcel.label
         tools = None
         if parcel.tools is not None:

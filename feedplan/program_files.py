@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,6 +14,9 @@ from planner.errors import InputError
 from planner.programs import SUFFIXES
 
 _NAMED = 3  # of what else is in a folder
+_CALLS = re.compile(rb"call|m\s*0*98")
+_COMPUTED = re.compile(rb"o\s*\[|p\s*[\[#]")
+_WORD = re.compile(rb"[\w-]+")
 _IN_FOLDERS = tuple(suffix for suffix in SUFFIXES if suffix != ".txt")
 """In a folder a text is a note to people; named itself, it is a program."""
 
@@ -52,6 +57,32 @@ class ProgramFile:
         if not content.strip():
             raise InputError(f"{self.label}: is empty; the file may have been cut off")
         return content
+
+
+def called_files(program: ProgramFile, content: bytes) -> dict[str, bytes]:
+    """Read the files beside a program that it may call, and those that these may call, by their names.
+
+    They are those whose name stands in a program that calls, behind an O or a P too; where it calls a computed number, all.
+    One that cannot be read is left out: the program that calls it says so.
+    """
+    beside = [path for path in sorted(program.path.parent.glob("*")) if is_program(path) and path.is_file()]
+    found: dict[str, bytes] = {}
+    todo = [content]
+    while todo:
+        text = todo.pop().lower()
+        if not _CALLS.search(text):
+            continue
+        words = set(_WORD.findall(text))
+        words |= {word[1:] for word in words if word[:1] in (b"o", b"p")}
+        computed = _COMPUTED.search(text) is not None
+        for path in beside:
+            if path.name in found or path.name == program.path.name:
+                continue
+            if computed or path.stem.lower().encode("utf-8", "surrogateescape") in words:
+                with suppress(OSError):
+                    found[path.name] = path.read_bytes()
+                    todo.append(found[path.name])
+    return found
 
 
 def find_programs(names: Sequence[str]) -> tuple[tuple[ProgramFile, ...], tuple[str, ...]]:

@@ -80,6 +80,22 @@ def test_a_program_that_fails_does_not_stop_the_rest_and_says_why_by_its_name(tw
     assert all(math.isnan(row.total_s) for row in found.rows if not row.ok)
 
 
+def test_files_that_a_program_calls_travel_with_it(two, mill, tmp_path):
+    """By name, by number, by M98, by a number that is computed, and from one that is called."""
+    (tmp_path / "corner.ngc").write_text("o<corner> sub\nG1 Y5\no<200> call\no<corner> endsub\nM2\n")
+    (tmp_path / "200.ngc").write_text("o200 sub\nG1 X0\no200 endsub\nM2\n")
+    (tmp_path / "201.ngc").write_text("O201\nG1 X1\nM99\n")
+    (tmp_path / "other.ngc").write_text("G1 X5\nM2\n")
+    files = []
+    for name, line in (("name", "o<corner> call"), ("number", "o200 call"), ("computed", "#1=100\nM98 P[#1+101]")):
+        files.append(tmp_path / f"{name}.ngc")
+        files[-1].write_text(f"G21 G90 G0 X0 Y0\nF600\nG1 X10\n{line}\nG1 X3 Y3\nM2\n")
+    found = time_programs(cases_of(files, mill), two)
+    for file, row in zip(files, found.rows, strict=True):
+        assert row.reason == ""
+        assert row.time.motion_s == pytest.approx(time_program(file, "mill").motion_s, rel=1e-12)
+
+
 def test_files_of_one_name_are_told_apart(two, mill, folder):
     """Also in what the reader of programs says, which names the file alone."""
     for name, text in (("a", "G1 X10 F600 H\n"), ("b", "G1 X10 F600\nQ\n")):

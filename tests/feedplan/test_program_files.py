@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from feedplan.program_files import distinct_labels, find_programs
+from feedplan.program_files import called_files, distinct_labels, find_programs
 from planner.errors import InputError
 
 MOVE = "G0 X0\nG1 X10 F600\nM2\n"
@@ -100,6 +100,35 @@ def test_what_is_no_program_by_its_name_says_so(parts):
     (file,) = find_programs([str(parts / "drawing.dxf")])[0]
     with pytest.raises(InputError, match=r"drawing\.dxf: no part program by its name"):
         file.read()
+
+
+class TestCalledFiles:
+    """What travels with a program: what it may call, and no more."""
+
+    @pytest.fixture
+    def beside(self, tmp_path):
+        (tmp_path / "main.ngc").write_text(MOVE)
+        (tmp_path / "a.ngc").write_text("o<a> sub\no<b> call\no<a> endsub")
+        (tmp_path / "b.ngc").write_text("o<b> sub\nG1 X1\no<b> endsub")
+        (tmp_path / "100.ngc").write_text("o100 sub\nG1 X1\no100 endsub")
+        (tmp_path / "c.ngc").symlink_to("nowhere")
+        return find_programs([str(tmp_path / "main.ngc")])[0][0]
+
+    @pytest.mark.parametrize(
+        ("text", "names"),
+        [
+            (b"G1 X10 (a b c 100)", []),
+            (b"o<A> CALL", ["a.ngc", "b.ngc"]),
+            (b"O<b> call [1]", ["b.ngc"]),
+            (b"o100 call", ["100.ngc"]),
+            (b"M98 P100 L2", ["100.ngc"]),
+            (b"o[#1] call", ["100.ngc", "a.ngc", "b.ngc"]),
+            (b"m98 p#1", ["100.ngc", "a.ngc", "b.ngc"]),
+            (b"o<c> call", []),
+        ],
+    )
+    def test_are_those_that_may_be_called(self, beside, text, names):
+        assert sorted(called_files(beside, text)) == names
 
 
 class TestLabels:
