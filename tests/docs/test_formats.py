@@ -312,6 +312,15 @@ def test_json_of_the_verdict(files, json_of):
     )
 
 
+def test_json_of_many_programs(json_of):
+    """Of the time of several, and of a sweep, whose limits have a key each."""
+    many = json_of("time", STOPS, "--jobs", "1")
+    swept = json_of("sweep", STOPS, "--jobs", "1", "--scale", "velocity=2")
+    for row in swept["programs"]:
+        row["scale_*"] = row.pop("scale_velocity")
+    agree_json("batch", [many, swept])
+
+
 def test_json_of_times(json_of):
     """Beside its own keys, those of the program in the verdict."""
     found = json_of("time", STOPS)

@@ -84,7 +84,7 @@ def test_files_that_a_program_calls_travel_with_it(two, mill, tmp_path):
     """By name, by number, by M98, by a number that is computed, and from one that is called."""
     (tmp_path / "corner.ngc").write_text("o<corner> sub\nG1 Y5\no<200> call\no<corner> endsub\nM2\n")
     (tmp_path / "200.ngc").write_text("o200 sub\nG1 X0\no200 endsub\nM2\n")
-    (tmp_path / "201.ngc").write_text("O201\nG1 X1\nM99\n")
+    (tmp_path / "201.ngc").write_text("O201\nG1 Y5\nM99\n")
     (tmp_path / "other.ngc").write_text("G1 X5\nM2\n")
     files = []
     for name, line in (("name", "o<corner> call"), ("number", "o200 call"), ("computed", "#1=100\nM98 P[#1+101]")):
