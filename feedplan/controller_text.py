@@ -44,7 +44,7 @@ def controller_facts(found: ProgramTime, times: Sequence[ControllerTime]) -> lis
             "total_s": None if row.refused else row.motion_s + rests,
             "motion_s": None if row.refused else row.motion_s,
             "times_the_plan": None if row.refused or not found.motion_s else row.motion_s / found.motion_s,
-            "settings": {key: {"value": value, "from": place} for key, value, place in row.settings},
+            "settings": [{"key": key, "value": value, "from": place} for key, value, place in row.settings],
             "measured": row.measured,
             "refused": row.refused or None,
             "lines": [{"line": line, "seconds": seconds} for line, seconds in row.line_s.items()],

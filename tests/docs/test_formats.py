@@ -330,10 +330,11 @@ def test_json_of_times(json_of):
     }
     within = json_of("time", STOPS, "--tolerances-um", "5,50")["tolerances"]
     found["program"] = {"file": program["file"]}
+    elsewhere = json_of("time", STOPS, "--controller", "klipper,grbl")["controllers"]
     others = json_of("time", STOPS, "--path", "separate"), json_of("time", STOPS, "--costs")
     assert "saved_by_one_percent_s" in others[0]
     more = [{**facts, "program": found["program"]} for facts in others]
-    agree_json("time", [found, {**found, "tolerances": within}, *more])
+    agree_json("time", [found, {**found, "tolerances": within}, {**found, "controllers": elsewhere}, *more])
 
 
 def test_json_of_other_commands(files, json_of):
