@@ -129,14 +129,15 @@ def controller_times(
     found, _ = load_machine(machine, complete=complete)
     read = program_of(program, setup=found.setup, **options)
     limits = read.require_axes(found.limits if feed is None else found.limits.with_feed(feed))
-    capped = replace(read, feed=_capped(read.feed, limits.feed), modal_feed=np.minimum(read.modal_feed, limits.feed))
+    capped = within_feed(read, limits.feed)
     words = found.setup.controller
     return tuple(_time(capped, settings_on(name, limits, words, given)) for name, given in chosen.items())
 
 
-def _capped(feed: np.ndarray[Any, Any], cap: float) -> np.ndarray[Any, Any]:
-    """No feed above a cap; rapids have none."""
-    return np.where(np.isinf(feed), feed, np.minimum(feed, cap))
+def within_feed(program: Program, cap: float) -> Program:
+    """A program with no feed above a cap, mm/s; rapids have none."""
+    feed = np.where(np.isinf(program.feed), program.feed, np.minimum(program.feed, cap))
+    return replace(program, feed=feed, modal_feed=np.minimum(program.modal_feed, cap))
 
 
 def _time(program: Program, on: SettingsOn) -> ControllerTime:

@@ -17,7 +17,7 @@ ELSEWHERE = {
     "feedplan/cli/test_plan.py": ("feedplan.cli.check", "feedplan.cli.replay", "feedplan.progress"),
     "feedplan/cli/test_programs.py": ("feedplan.cli.ngc", "feedplan.cli.time", "feedplan.cli.windows"),
     "feedplan/comparison/test_comparison.py": tuple(
-        f"feedplan.comparison{name}" for name in (".judgement", ".methods", ".result", ".two_paths")
+        f"feedplan.comparison{name}" for name in (".judgement", ".methods", ".result", ".two_paths", ".controller_rows")
     ),
     "feedplan/test_controller_time.py": ("feedplan.controller_text",),
     "feedplan/cli/test_calibrate.py": ("feedplan.calibration",),

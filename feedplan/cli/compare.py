@@ -66,6 +66,8 @@ _FLOOR = 1e-3  # of a limit; less is drawn as this
 @options.reader
 @options.path_to_compare
 @options.side
+@options.controllers
+@options.controller_settings
 @click.option("--methods", metavar="A,B,...", help="Names, or their beginnings: algorithm, 2002, 2007, scurve.")
 @click.option("--output", "-o", type=options.FILE, help="Result, .json or .csv.")
 @click.option("--plot", type=options.FILE, help="Figure, .png, .pdf or .svg.")
@@ -87,6 +89,8 @@ def compare(
     reader: str,
     path: PathKind | None,
     side: PathSide | None,
+    controllers: tuple[str, ...],
+    controller_settings: tuple[str, ...],
     methods: str | None,
     output: Path | None,
     plot: Path | None,
@@ -97,7 +101,8 @@ def compare(
     """Compare the literature's interpolators with the optimal plan.
 
     All of them run on the same curve under the same limits, and are judged alike.  Of a part program a row more has the
-    optimal plan on the path that is found together with its feed.  Exit code 1: the optimal plan breaks a limit, or without
+    optimal plan on the path that is found together with its feed, and others have what models of other controllers do: all
+    of them unless --methods or --controller names some.  Exit code 1: the optimal plan breaks a limit, or without
     it every method does.
     """
     with Streams() as at:
@@ -114,11 +119,13 @@ def compare(
             "complete": complete, "scale": scale, "feed": feed_mm_s, "period": period_s, "tools": tools, "ignore": ignore,
             "reader": reader, "layer": layer, "chain": chain,
         }  # fmt: skip
+        chosen = _controllers(curve, controllers, controller_settings, every=methods is None)
         one_side = side not in (None, "both")
         kind = "separate" if path is None and not one_side and is_program(curve) else path
         job = load_job(curve, machine, path=kind, side=side, notice=notice, **given)
         from feedplan.comparison import compare as compare_methods
         from feedplan.comparison import run_method
+        from feedplan.comparison.controller_rows import with_controllers
         from feedplan.comparison.methods import OPTIMUM
         from feedplan.comparison.two_paths import with_other_path
         from feedplan.progress import ProgressLine
@@ -132,7 +139,8 @@ def compare(
                 lambda kind: load_job(curve, machine, path=kind, side=side, **given),
                 lambda other: run_method(OPTIMUM, other.curve, other.limits),
             )
-            found = replace(found, results=rows)
+            line("models of controllers")
+            found = replace(found, results=with_controllers(rows, job, chosen))
             facts = _facts(found, job.machine)
             if output is not None:
                 line(f"writing {output}")
@@ -153,6 +161,19 @@ def compare(
             files = [at.told(str(name)) for name in (output, plot) if name is not None and name.exists()]
             click.echo(_text(found, job.machine, files), err=at.taken)
         _leave(found.results)
+
+
+def _controllers(
+    curve: str, names: Sequence[str], settings: Sequence[str], *, every: bool
+) -> dict[str, dict[str, float]]:
+    """Controllers to compare with: those that are named, or of a part program all."""
+    from feedplan.controller_time import ALL, chosen_controllers
+
+    if is_program(curve):
+        return chosen_controllers(names or ((ALL,) if every else ()), settings)
+    if names or settings:
+        raise InputError(f"--controller is for part programs; {curve} is none")
+    return {}
 
 
 def _leave(results: Sequence[Result]) -> None:
@@ -248,7 +269,7 @@ def _text(found: Comparison, machine: str, files: Sequence[str]) -> str:
             f"{saved.slowed_rival}, the fastest other method once each has been slowed.",
             _WIDTH,
         )
-    lines += _paths_text(results)
+    lines += [*_paths_text(results), *_controllers_text(results)]
     return "\n".join([*lines, *textwrap.wrap(f"{NOTE}.", _WIDTH), *(f"written  {name}" for name in files)])
 
 
@@ -273,6 +294,19 @@ def _paths_text(results: Sequence[Result]) -> list[str]:
     if (saved := joint_saving(results)) is not None:
         text += f" Finding path and feed together saves {100.0 * saved:.2f} %."
     return textwrap.wrap(text, _WIDTH)
+
+
+def _controllers_text(results: Sequence[Result]) -> list[str]:
+    """Of the controllers: whose path they are on, how far that is from the program, and how far their models were off."""
+    from planner.controllers.known import CONTROLLERS
+
+    ran = [result for result in results if result.method in CONTROLLERS and result.judgement]
+    lines = []
+    for result in ran:
+        far = "" if math.isnan(result.deviation) else f" leaves the program by {1e3 * result.deviation:.4g} um at most;"
+        text = f"{result.method}, the model of a controller,{far} {CONTROLLERS[result.method].measured}."
+        lines += textwrap.wrap(text, _WIDTH)
+    return lines
 
 
 def _table(results: Sequence[Result]) -> list[str]:

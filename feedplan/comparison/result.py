@@ -9,10 +9,11 @@ from typing import Any
 
 from feedplan.comparison.judgement import Dilation, Judgement
 from feedplan.comparison.methods import OPTIMUM, REFERENCE, MethodRun
+from planner.controllers.known import CONTROLLERS
 from planner.quantity import QUANTITIES
 
-# The optimum itself, the same problem by another solver, and plans of another path of the same program.
-_NO_RIVALS = (OPTIMUM, REFERENCE, "joint", "separate")
+# The optimum itself, the same problem by another solver, and what moves along another path of the same program.
+_NO_RIVALS = (OPTIMUM, REFERENCE, "joint", "separate", *CONTROLLERS)
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ rest between two moves (a dwell, a tool change) takes no time here.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -111,6 +111,25 @@ class ControllerMotion:
         time = np.clip(np.asarray(t, dtype=np.float64), 0.0, self.duration)
         piece = self.piece_at(time)
         return np.asarray(self.speed[piece] + self.acceleration[piece] * (time - self.start[piece]))
+
+    def on_axes(self, axes: tuple[str, ...]) -> ControllerMotion:
+        """The same motion in some of its axes, in this order: the others must rest.
+
+        Raises
+        ------
+        InputError
+            If an axis is not one of its own, or one that is left out moves.
+        """
+        missing = [name for name in axes if name not in self.axes]
+        if missing:
+            raise InputError(f"the motion has the axes {', '.join(self.axes)}; {missing[0]} is none of them")
+        left = [k for k, name in enumerate(self.axes) if name not in axes]
+        moving = np.flatnonzero(np.abs(self.legs.vectors[:, 1:, left]).max(axis=(0, 1), initial=0.0))
+        if moving.size:
+            raise InputError(f"axis {self.axes[left[moving[0]]]} moves; it cannot be left out of {', '.join(axes)}")
+        columns = [self.axes.index(name) for name in axes]
+        legs = Legs(np.ascontiguousarray(self.legs.vectors[:, :, columns]), self.legs.rates)
+        return replace(self, axes=tuple(axes), legs=legs)
 
     def curve(self, name: str) -> ChainCurve:
         """The path of this motion as a curve, by its arc length, for the check."""

@@ -127,6 +127,17 @@ class TestMotion:
         assert motion.at(np.array([motion.duration]))[0, 1] == pytest.approx(np.pi / 2)
         assert motion.curve("turn").derivatives(np.array([90.0]), 0)[0, 0, 1] == pytest.approx(np.pi / 2)
 
+    def test_in_some_of_its_axes(self):
+        motion = motion_through([[0, 0, 1], [5, 0, 1], [5, 5, 1]], [0, 3, 0], 50.0, 1000.0)
+        flat = motion.on_axes(("Y", "X"))
+        t = np.linspace(0.0, motion.duration, 50)
+        assert flat.at(t) == pytest.approx(motion.at(t)[:, [1, 0]])
+        assert flat.duration == motion.duration
+        with pytest.raises(InputError, match="axis Y moves; it cannot be left out of X, Z"):
+            motion.on_axes(("X", "Z"))
+        with pytest.raises(InputError, match="has the axes X, Y, Z; A is none of them"):
+            motion.on_axes(("X", "A"))
+
     @pytest.mark.parametrize("period", [0.0, -1e-3, np.nan, "1 ms"])
     def test_bad_period(self, motion, period):
         with pytest.raises(InputError, match="period"):

@@ -143,3 +143,27 @@ class TestCommand:
         code, out, err = run("time", folder / "part.ngc", "--controller", "marlin")
         assert (code, out) == (2, "")
         assert "controller 'marlin' must be one of klipper, grbl" in " ".join(err.split())
+
+
+class TestCompareCommand:
+    def test_rows_of_a_program(self, run, folder):
+        code, out, _ = run(
+            "compare", folder / "part.ngc", "--machine", folder / "grbl.txt", "--jerk-mm-s3", "1e6",
+            "--methods", "optimal", "--controller", "grbl,klipper",
+        )  # fmt: skip
+        assert code == 0
+        rows = {line.split()[0]: line.split() for line in out.splitlines() if line.startswith(("grbl ", "klipper "))}
+        assert set(rows) == {"grbl", "klipper"}
+        flat = " ".join(out.split())
+        assert CONTROLLERS["klipper"].measured in flat
+        assert "grbl, the model of a controller, leaves the program by" in flat
+
+    def test_all_of_them_where_nothing_is_named(self, run, folder):
+        code, out, _ = run("compare", folder / "part.ngc", "--machine", folder / "grbl.txt", "--json")
+        assert code == 0
+        assert [row["method"] for row in json.loads(out)["methods"]][-len(CONTROLLERS) :] == list(CONTROLLERS)
+
+    def test_a_curve_has_no_controller(self, run):
+        code, out, err = run("compare", "teardrop", "--machine", "mill", "--controller", "grbl")
+        assert (code, out) == (2, "")
+        assert "--controller is for part programs; teardrop is none" in " ".join(err.split())

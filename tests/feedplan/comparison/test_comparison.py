@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 
 from feedplan.comparison import Comparison, compare, run_method
+from feedplan.comparison.controller_rows import with_controllers
 from feedplan.comparison.judgement import dilation, judge, least_dilation, letters, slowed_plan, worst_ratios
 from feedplan.comparison.methods import METHODS, select_methods
 from feedplan.comparison.result import result_facts, saving
@@ -350,3 +351,57 @@ class TestBothPathsOfAProgram:
         *_, row = both_paths(load("separate"), load, ("optimal",))
         assert (row.method, row.judgement) == ("joint", None)
         assert "the path is made separately from the feed: the jerk of X, Y has no limit" in row.reason
+
+
+@pytest.fixture(scope="module")
+def slot(tmp_path_factory):
+    """A program of two lines and a half circle."""
+    file = tmp_path_factory.mktemp("controllers") / "slot.ngc"
+    file.write_text("G21 G90 G64 P0.01\nF3000\nG0 X0 Y0\nG1 X20\nG3 X20 Y10 I0 J5\nG1 X0\nM2\n")
+    return load_job(file, "mill", path="separate")
+
+
+class TestControllers:
+    """Models of controllers on a program of two lines and a half circle of radius 5."""
+
+    def test_rows_behind_those_of_the_methods(self, slot):
+        first = compare(slot.curve, slot.limits, ("scurve",)).results
+        rows = with_controllers(first, slot, {"grbl": {}, "klipper": {"arc_resolution_mm": 0.5}})
+        assert rows[: len(first)] == first
+        grbl, klipper = rows[len(first) :]
+        assert (grbl.method, klipper.method) == ("grbl", "klipper")
+        assert "arc_resolution_mm 0.5" in klipper.motion.setting
+
+    def test_they_are_judged_as_everything_is(self, slot):
+        """Corners of chords are steps of the velocity: acceleration and jerk of the samples break, the feed holds."""
+        for row in with_controllers((), slot, {"grbl": {}, "klipper": {}}):
+            broken = {found.limit for found in row.judgement.broken}
+            assert {"acceleration", "jerk"} <= broken
+            assert broken.isdisjoint({"feed", "velocity", "path error", "path start", "path end", "sample times"})
+            assert row.judgement.ratios["velocity"] <= 1.0
+            assert not row.ok
+            assert row.points == int(np.ceil(row.duration / slot.limits.period)) + 1
+
+    def test_chords_leave_the_program_by_their_height(self, slot):
+        """r (1 - cos(half the angle of one)): 15 chords of 1 mm at least, and those of 0.002 mm."""
+        (klipper,) = with_controllers((), slot, {"klipper": {}})
+        assert klipper.deviation == pytest.approx(5.0 * (1.0 - np.cos(np.pi / 15 / 2)), rel=1e-6)
+        (grbl,) = with_controllers((), slot, {"grbl": {}})
+        chords = int(0.5 * np.pi * 5.0 / np.sqrt(0.002 * (10.0 - 0.002)))
+        assert grbl.deviation == pytest.approx(5.0 * (1.0 - np.cos(np.pi / chords / 2)), rel=1e-6)
+
+    def test_they_are_no_rivals_on_the_same_path(self, slot):
+        rows = with_controllers(compare(slot.curve, slot.limits, ("scurve", "optimal")).results, slot, {"grbl": {}})
+        assert saving(rows).rival == saving(rows).slowed_rival == "scurve"
+
+    def test_what_they_cannot_run_is_a_reason(self, tmp_path):
+        file = tmp_path / "turn.ngc"
+        file.write_text("G21 G90\nG1 X10 A30 F600\nM2\n")
+        job = load_job(file, "four-axis", path="separate")
+        (row,) = with_controllers((), job, {"grbl": {}})
+        assert row.reason.startswith("InputError: turn.ngc:2: A: the model of grbl is of X Y Z")
+        assert row.judgement is None
+
+    def test_a_curve_has_none(self):
+        job = load_job("teardrop", "mill")
+        assert with_controllers((), job, {"grbl": {}}) == ()
