@@ -261,19 +261,23 @@ def cut_run(placed: Placed, blocks: tuple[FloatArray, FloatArray, BoolArray], st
     whole = Run(placed.curve, placed.u_edges, placed.s_edges, np.arange(feed.size), u, feed, angular)
     for s in (start, end):
         whole = _split_leg(whole, s)
-    first, last = _edge_at(whole, start), _edge_at(whole, end)
+    # Of edges that differ by rounding the inner ones: the piece between two of them would have no length behind another run.
+    first, last = _edge_at(whole, start, inner=-1), _edge_at(whole, end)
     assert first is not None
     assert last is not None
     return whole.pieces(first, last)
 
 
-def _edge_at(run: Run, s: float) -> int | None:
-    """The edge at an abscissa, None if there is none: of several but for rounding the one at which the path rests."""
+def _edge_at(run: Run, s: float, inner: int = 0) -> int | None:
+    """The edge at an abscissa, None if there is none.
+
+    Of several but for rounding the one at which the path rests, else the first, or the last for an ``inner`` of -1.
+    """
     near = np.flatnonzero(np.abs(run.s_edges - s) <= _SAME)
     if not near.size:
         return None
     resting = np.intersect1d(near, [0, *run.stops, run.curve.kind.size])
-    return int(resting[0] if resting.size else near[0])
+    return int(resting[0] if resting.size else near[inner])
 
 
 def _split_leg(run: Run, s: float) -> Run:

@@ -397,6 +397,15 @@ def test_parts_cut_inside_a_tube_join_smoothly_and_within_tolerance(short_window
     assert 5e-3 < found.largest <= 1e-2
 
 
+def test_a_part_begins_with_no_sliver_beside_a_corner(short_windows):
+    """Where a part begins at the end of a corner, this and the start of the tube behind it differ by rounding."""
+    points = winding(1100).end[:, :2]
+    source = polyline(np.concatenate([points + k * points[-1] for k in range(3)]))
+    run, count = joined_parts(source_of(source))
+    assert count >= 4
+    assert np.diff(run.curve.edges).min() > 0.1
+
+
 def test_parts_of_corners_are_the_whole_path(monkeypatch):
     """Cut between corners, a path does not depend on where."""
     monkeypatch.setattr(parts, "_FIRST_BLOCKS", 17)
