@@ -44,7 +44,7 @@ class Worker:
                 stdout=subprocess.PIPE,
                 stderr=subprocess.DEVNULL,  # what goes wrong there goes wrong here again, and is said once
                 start_new_session=True,
-                # The processors are taken: threads waiting for a share of a small product only take time from this one.
+                # The processors are taken: threads that wait for a share of a small product take time from this process.
                 env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
             )
         except OSError as error:
