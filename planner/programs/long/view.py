@@ -16,7 +16,7 @@ from planner.programs.path.corners import Junction, Junctions
 from planner.programs.path.joint_runs import FoundRun, find_run
 from planner.programs.path.measure import Written
 from planner.programs.path.moves import MovingBlocks
-from planner.programs.path.separate_path import MARGIN, SHORT_REST, classified, tube_stretches
+from planner.programs.path.separate_path import MARGIN, SHORT_REST, blocks_between, classified, tube_stretches
 from planner.programs.path.stretch import OVERLAP, Fitted, Stretch, fit
 from planner.programs.path.tube_knots import place as knots_of
 from planner.programs.reading.program import part_of
@@ -190,9 +190,11 @@ class View:
             return [first, *stretches[1:]]
         end = min(fence, start + 2.0 * MARGIN, last)
         none = np.empty(0)
-        index = int(np.clip(np.searchsorted(self.edges, start, side="right") - 1, 0, self.edges.size - 2))
-        tolerance = float(self.blocks.tolerance[index])
-        bridge = Stretch(start, end, (False, halts and end == fence), none, none, none, none, tolerance, entry)
+        row, after = blocks_between(self.edges, start, end)
+        allowed = self.blocks.tolerance[row:after]
+        most = float(allowed.max())
+        parts = most, self.edges[row : after + 1], allowed / most
+        bridge = Stretch(start, end, (False, halts and end == fence), none, none, none, none, *parts, entry)
         return [bridge, *stretches]
 
     def _split(self, stretch: Stretch, fitted: Fitted, junctions: Junctions, reasons: dict[int, str]) -> list[Stretch]:

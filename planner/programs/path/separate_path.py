@@ -143,9 +143,18 @@ def tube_stretches(
         vertices = s[inside]
         at, wanted = _with_arcs(blocks, spacing[inside], vertices, start, finish)
         sharp = vertices[junctions.turn[inside] > knotting.SHARP]
-        allowed = blocks.tolerance[features[i] : features[j] + 2]
-        out.append(Stretch(float(start), float(finish), rests, at, wanted, vertices, sharp, float(allowed.min())))
+        first, last = blocks_between(edges, start, finish)
+        allowed = blocks.tolerance[first:last]
+        most = float(allowed.max())
+        parts = edges[first : last + 1], allowed / most
+        out.append(Stretch(float(start), float(finish), rests, at, wanted, vertices, sharp, most, *parts))
     return out
+
+
+def blocks_between(edges: FloatArray, start: float, end: float) -> tuple[int, int]:
+    """The first block between two abscissae, and the one after the last."""
+    first = int(np.clip(np.searchsorted(edges, start, side="right") - 1, 0, edges.size - 2))
+    return first, int(np.clip(np.searchsorted(edges, end, side="left"), first + 1, edges.size - 1))
 
 
 def _spacing(blocks: MovingBlocks, junctions: Junctions) -> FloatArray:
@@ -245,9 +254,11 @@ def places_of(edges: FloatArray, own: FloatArray, junctions: Junctions, tubes: l
     corners = np.flatnonzero(junctions.kind == Junction.CORNER)
     places = [(float(s[k] - reach[k]), float(s[k] + reach[k]), float(min(own[k], own[k + 1]))) for k in corners]
     for tube in tubes:
-        first, last = np.searchsorted(edges, tube.knots[[0, -1]], side="right") - 1
-        allowed = own[max(first, 0) : max(last, first + 1)]
-        places.append((float(tube.knots[0]), float(tube.knots[-1]), float(allowed.min())))
+        lo, hi = float(tube.knots[0]), float(tube.knots[-1])
+        first, last = blocks_between(edges, lo, hi)
+        change = first + 1 + np.flatnonzero(np.diff(own[first:last]))
+        begins = [lo, *edges[change].tolist()]
+        places += zip(begins, [*begins[1:], hi], own[np.append(first, change)].tolist(), strict=True)
     return places
 
 

@@ -18,7 +18,7 @@ from planner.machine.limits import Limits
 from planner.plan.guess import GROWTH_ACCELERATION, GROWTH_JERK
 from planner.programs.path import tube_knots as knotting
 from planner.programs.path.deviation import Programmed, foot_distance, refined_peaks, samples_between
-from planner.programs.path.tube import Spline, Tube, greville, samples_of, smoothest
+from planner.programs.path.tube import SLIP, Spline, Tube, greville, samples_of, smoothest
 from planner.types import FloatArray
 
 WINDOW, OVERLAP = 2000, 80  # knots
@@ -53,7 +53,12 @@ class Stretch:
     sharp : (j,) array
         Those of them that must be knots.
     tolerance : float
-        mm.
+        The largest of its blocks, mm.
+    edges : (m + 1,) array
+        Abscissae at which its blocks begin and end.
+    share : (m,) array
+        What each of them may use of the tolerance.  Distances are measured against it: a distance beyond a block that has
+        half the tolerance counts twice.
     entry : (4, dim) array or None
         Position and three derivatives with which the curve begins, where another one ends there.
     """
@@ -66,6 +71,8 @@ class Stretch:
     vertices: FloatArray
     sharp: FloatArray
     tolerance: float
+    edges: FloatArray
+    share: FloatArray
     entry: FloatArray | None = None
 
     def part(self, start: float, end: float, entry: FloatArray | None) -> Stretch:
@@ -77,7 +84,18 @@ class Stretch:
         at = inside(self.at)
         stops = (self.stops[0] and entry is None, self.stops[1] or end < self.end)
         vertices, sharp = self.vertices[inside(self.vertices)], self.sharp[inside(self.sharp)]
-        return Stretch(start, end, stops, self.at[at], self.spacing[at], vertices, sharp, self.tolerance, entry)
+        return replace(
+            self, start=start, end=end, stops=stops, at=self.at[at], spacing=self.spacing[at], vertices=vertices,
+            sharp=sharp, entry=entry,
+        )  # fmt: skip
+
+    def share_at(self, s: FloatArray) -> FloatArray:
+        """Share of the tolerance at abscissae (n,): the least of the blocks within the tangential slip of the curve."""
+        last, slip = self.share.size - 1, SLIP * self.tolerance
+        first = np.clip(np.searchsorted(self.edges, s - slip, side="right") - 1, 0, last)
+        beyond = np.clip(np.searchsorted(self.edges, s + slip, side="left") - 1, 0, last) + 1
+        ends = np.column_stack([first, np.maximum(beyond, first + 1)]).reshape(-1)
+        return np.asarray(np.minimum.reduceat(np.append(self.share, np.inf), ends)[::2])
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,7 +247,7 @@ def _tube(
         moving |= (stretch.entry[1:] != 0.0).any(axis=0)
     if moving.sum() < 2:
         moving[np.argsort(-spread)[:2]] = True
-    half_width = _NARROWED * stretch.tolerance * progress.narrowed(s)
+    half_width = _NARROWED * stretch.tolerance * stretch.share_at(s) * progress.narrowed(s)
     ends = []
     for place, rests, from_left in ((stretch.start, stretch.stops[0], False), (stretch.end, stretch.stops[1], True)):
         d = programmed.at(np.array([place]), left=from_left)[: 1 if rests else 3, 0]
@@ -320,7 +338,7 @@ def reachable(s: FloatArray, ceiling: FloatArray, acceleration: FloatArray, jerk
 def _measure(
     spline: Spline, moving: NDArray[np.bool_], rest: FloatArray, programmed: Programmed, stretch: Stretch
 ) -> tuple[FloatArray, FloatArray]:
-    """Deviation in both directions at dense samples: their abscissae and distances."""
+    """Deviation in both directions at dense samples: abscissae, and distances against the share of the tolerance."""
     edges = np.union1d(spline.knots, stretch.vertices)
     s = samples_between(edges, max(2, _DENSITY * spline.knots.size // edges.size))
     reach = 8.0 * stretch.tolerance + 2.0 * float(np.diff(spline.knots).max())
@@ -334,11 +352,11 @@ def _measure(
     after_entry = stretch.start + (0.0 if stretch.entry is None else _ENTRY * stretch.tolerance)
 
     def from_path(at: FloatArray) -> FloatArray:
-        return programmed.distance(curve(at)[0], at, np.full(at.size, reach))
+        return programmed.distance(curve(at)[0], at, np.full(at.size, reach)) / stretch.share_at(at)
 
     def from_program(at: FloatArray) -> FloatArray:
         lo, hi = np.maximum(at - reach, stretch.start), np.minimum(at + reach, stretch.end)
-        away = foot_distance(curve, programmed.at(at)[0], at, lo, hi)
+        away = foot_distance(curve, programmed.at(at)[0], at, lo, hi) / stretch.share_at(at)
         # The nearest point may lie in the window before; the whole path is measured again when it is complete.
         return np.where(at >= after_entry, away, 0.0)
 

@@ -41,7 +41,7 @@ from planner.types import FloatArray
 DEGREE = 4
 _SAMPLES = (1.0 / 6.0, 0.5, 5.0 / 6.0)  # of an interval
 _OCTAGON = float(np.cos(np.pi / 8.0))
-_SLIP = 2.0  # tangential half-width, in tolerances
+SLIP = 2.0  # tangential half-width, in tolerances
 _GAP = 1e-4
 _MAX_ITERATIONS = 60
 _TO_BOUNDARY = 0.99
@@ -187,7 +187,7 @@ class _TubeRows:
         value = np.einsum("nip,np->ni", basis[i], w[:, None] ** np.arange(DEGREE + 1))
         normals, share = _normals(tube.tangent)
         directions = [normal / (share * tube.half_width[:, None]) for normal in normals]
-        directions.append(tube.tangent / (_SLIP * tube.half_width[:, None]))
+        directions.append(tube.tangent / (SLIP * tube.half_width[:, None]))
         stacked = np.concatenate([(value[:, :, None] * d[:, None, :]).reshape(w.size, -1) for d in directions])
         offset = np.concatenate([np.sum(d * tube.point, axis=1) for d in directions])
         first = np.tile(i, len(directions)).astype(np.int64)

@@ -341,3 +341,42 @@ def test_a_tube_ends_where_the_exact_mode_begins():
     assert path.deviation_share <= 1.0
     profile = plan_feedrate(path.curve, PLANE)
     assert check(path.curve, PLANE, profile).ok
+
+
+def test_a_tube_has_the_tolerance_of_each_block():
+    """Where one block may be left by little, the path keeps to it there, and uses what the others allow."""
+    angle = np.linspace(0.0, np.pi, 121)
+    x, y = 5.0 - 5.0 * np.cos(angle), 3.0 * np.sin(angle)
+    tight, wide = 0.001, 0.02
+    narrow = {58, 59, 60, 61}
+    moves = [
+        line(a, b, tolerance=tight if k in narrow else wide) for k, (a, b) in enumerate(zip(x[1:], y[1:], strict=True))
+    ]
+    path = program_path(program(*moves, start=(x[0], y[0], 0.0)), None, LIMITS, path="separate")
+    assert path.counts["tubes"] == 1
+    u = np.linspace(*path.curve.domain, 40_001)
+    points = path.curve.derivatives(u, 0)[0][:, :2]
+    block = np.clip(np.searchsorted(path.u, u, side="right") - 1, 0, len(moves) - 1)
+    vertex = np.column_stack([x, y])
+    away = np.full(u.size, np.inf)
+    for k in range(-2, 3):
+        near = np.clip(block + k, 0, len(moves) - 1)
+        chord = vertex[near + 1] - vertex[near]
+        along = np.clip(np.sum((points - vertex[near]) * chord, axis=1) / np.sum(chord**2, axis=1), 0.0, 1.0)
+        away = np.minimum(away, np.hypot(*(points - vertex[near] - along[:, None] * chord).T))
+    inside = np.isin(block, list(narrow))
+    assert away[inside].max() <= tight
+    assert 0.9 * wide < away[~inside].max() <= wide
+    assert path.deviation_share <= 1.0
+
+
+@pytest.mark.parametrize("back", [False, True])
+def test_the_share_of_a_tube_is_the_least_within_the_slip(back):
+    edges, share = np.array([0.0, 1.0, 1.1, 3.0]), np.array([1.0, 0.5, 0.8])
+    s = np.array([0.0, 0.55, 0.65, 1.0, 1.05, 1.45, 1.55, 3.0])
+    expected = np.array([1.0, 1.0, 0.5, 0.5, 0.5, 0.5, 0.8, 0.8])
+    if back:
+        edges, share, s = 3.0 - edges[::-1], share[::-1], 3.0 - s
+    none = np.empty(0)
+    tube = stretch.Stretch(0.0, 3.0, (True, True), none, none, none, none, 0.2, edges, share)
+    np.testing.assert_array_equal(tube.share_at(s), expected)
