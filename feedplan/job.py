@@ -78,6 +78,8 @@ class Job:
         What it took to make the path of a program: a joint one is planned there.
     setup : ProgramSetup, optional
         What the machine's file says of homes, tools and rests.
+    acceleration_share : float
+        Of the machine's acceleration, what ``limits`` have of it.
     """
 
     curve: Curve
@@ -89,15 +91,24 @@ class Job:
     facts: tuple[tuple[str, str], ...] = ()
     path_seconds: float = 0.0
     setup: ProgramSetup | None = None
+    acceleration_share: float = 1.0
 
     def __repr__(self) -> str:
         return f"Job({self.curve.name} on {self.machine})"
 
     @classmethod
-    def of(cls, found: SourceCurve, limits: Limits, machine: str, setup: ProgramSetup | None = None) -> Job:
+    def of(
+        cls,
+        found: SourceCurve,
+        limits: Limits,
+        machine: str,
+        setup: ProgramSetup | None = None,
+        acceleration_share: float = 1.0,
+    ) -> Job:
         """Put a curve and the limits of a machine together, which may have more axes."""
         own = limits.for_curve(found.curve)
-        return cls(found.curve, own, machine, found.program, found.path, found.room, found.facts, found.seconds, setup)
+        source = found.program, found.path, found.room, found.facts, found.seconds
+        return cls(found.curve, own, machine, *source, setup, acceleration_share)
 
     def run(
         self, progress: Progress = _silent, *, bound: bool = True, certificate: Path | None = None, **options: Any
@@ -247,6 +258,7 @@ class Job:
         from planner.output.ngc import write_ngc
         from planner.output.ngc_program import write_program
 
+        options.setdefault("acceleration", self.limits.acceleration / self.acceleration_share)
         if self.program is None or self.path is None:
             return write_ngc(file, self.curve, profile, tolerance=self.room, mode=mode, **options)
         return write_program(file, self.program, self.path, profile, tolerance=self.room, mode=mode, **options)
@@ -329,6 +341,7 @@ def load_job(
     reader: str = "feedplan",
     path: PathKind | None = None,
     side: PathSide | None = None,
+    acceleration_share: float = 1.0,
     notice: Callable[[str], None] | None = None,
 ) -> Job:
     """Load a curve, or a part program as a path, and the limits of a machine.
@@ -363,6 +376,9 @@ def load_job(
         Whether the path of a part program is found together with its feed, which is the default, or before it.
     side : {"both", "left", "right", "inside", "outside"}, optional
         Where the path of a part program may leave it to, as :func:`planner.programs.path.smooth_path.program_path` has it.
+    acceleration_share : float
+        Of the machine's acceleration, what the plan may use: a controller that cannot use all of it while it turns then
+        keeps to the plan.
     notice : callable, optional
         Is told what is no error and yet worth knowing.
 
@@ -379,7 +395,7 @@ def load_job(
     if not isinstance(source, Curve) and is_program(source):
         require_no_choice(source, layer, chain)
         found, named = load_machine(machine, complete=complete)
-        limits = _changed(found.limits, feed, period)
+        limits = _changed(found.limits, feed, period, acceleration_share)
         return Job.of(
             program_curve(
                 source, scale, limits, tolerance, share, notice,
@@ -388,13 +404,15 @@ def load_job(
             limits,
             named,
             found.setup,
+            acceleration_share,
         )  # fmt: skip
     require_no_program_options(source, tools, ignore)
     require_no_path_choice(source, path, side)
     made = plain_curve(source, scale, tolerance, share, choice)
     example = "five-axis" if ROTARY_AXES & set(made.curve.axes) else "mill"
     found, named = load_machine(machine, example, complete=complete)
-    return Job.of(made, _changed(found.limits.for_curve(made.curve), feed, period), named)
+    limits = _changed(found.limits.for_curve(made.curve), feed, period, acceleration_share)
+    return Job.of(made, limits, named, acceleration_share)
 
 
 def load_machine(
@@ -483,7 +501,14 @@ def _positive(tolerance: float | None) -> float | None:
     return None if tolerance is None else positive_number(tolerance, "tolerance")
 
 
-def _changed(limits: Limits, feed: float | None, period: float | None) -> Limits:
+def _changed(limits: Limits, feed: float | None, period: float | None, acceleration_share: float) -> Limits:
+    from planner.inputs import positive_number
+
+    share = positive_number(acceleration_share, "acceleration_share")
+    if share > 1.0:
+        raise InputError(f"acceleration_share = {share:g} must be > 0 and at most 1")
+    if share < 1.0:
+        limits = limits.with_acceleration_share(share)
     if feed is not None:
         limits = limits.with_feed(feed)
     return limits if period is None else limits.with_period(period)

@@ -40,6 +40,7 @@ ELSEWHERE = {
     "interp/literature/test_greedy.py": ("interp.literature.greedy_published", "interp.literature.greedy_setup"),
     "output/test_certificate_file.py": ("planner.certificate",),
     "output/test_plots.py": ("planner.output.figures", "planner.output.panel_choice", "planner.output.plan_panels"),
+    "output/test_ngc.py": ("planner.output.ngc_blocks",),
     "output/test_roundtrip.py": ("planner.output.ngc_program",),
     "output/test_table.py": (
         "planner.files.archive",

@@ -42,6 +42,7 @@ if TYPE_CHECKING:
 @options.path
 @click.option("--inverse-time", is_flag=True, help="G93: F as blocks a minute.")
 @click.option("--block-time-s", type=float, default=0.01, help="Longest time of a block.")
+@click.option("--acceleration-share", type=float, default=1.0, help="Part of the machine's acceleration to plan with.")
 @options.commanded_feed
 @options.scale
 @options.layer
@@ -62,6 +63,7 @@ def ngc(
     path: PathKind | None,
     inverse_time: bool,
     block_time_s: float,
+    acceleration_share: float,
     feed_mm_s: float | None,
     scale: float,
     layer: str | None,
@@ -70,9 +72,9 @@ def ngc(
 ) -> None:
     """Write a plan as a program for LinuxCNC.
 
-    Short G1 blocks with a feed each.  Of the tolerance the path of a part program takes three quarters, the blocks and
-    their blending by the controller the rest.  Spindle, tools, coolant, dwells and stops keep their places.  Exit code 1:
-    the plan or its samples break a limit, and nothing is written.
+    Short G1 blocks with a feed each, and the time that LinuxCNC takes for them.  Of the tolerance the path of a part program
+    takes three quarters, the blocks and their blending by the controller the rest.  Spindle, tools, coolant, dwells and
+    stops keep their places.  Exit code 1: the plan or its samples break a limit, and nothing is written.
     """
     with Streams() as at:
         curve, table = at.curve(curve), None if table is None else at.table(table)
@@ -82,6 +84,8 @@ def ngc(
         if table is not None and (machine is not None or feed_mm_s is not None or complete):
             given = [f"--{key.replace('_', '-')}" for key in ("machine", "feed_mm_s", *complete)]
             raise InputError(f"--table brings its own limits; leave {', '.join(given[:-1])} and {given[-1]} out")
+        if table is not None and acceleration_share != 1.0:
+            raise InputError("--table brings its own plan; leave --acceleration-share out")
         if table is None:
             job = load_job(
                 curve,
@@ -97,6 +101,7 @@ def ngc(
                 reader=reader,
                 path=path,
                 share=PATH_SHARE,
+                acceleration_share=acceleration_share,
                 notice=notice,
             )
         else:
@@ -132,8 +137,9 @@ def ngc(
             "machine": at.told(job.machine),
             "blocks": written.blocks,
             "duration_s": written.duration,
+            "plan_s": profile.duration,
             "deviation_mm": deviation,
-            "blending_mm": 0.5 * job.room,
+            "blending_mm": written.reach - written.deviation,
             "source": dict(job.facts),
             "files": [name],
         }
@@ -141,8 +147,9 @@ def ngc(
             click.echo(json.dumps(facts, indent=2, allow_nan=False), err=at.taken)
         else:
             text = (
-                f"{name}: {written.blocks} blocks, {written.duration:.6g} s, within {1e3 * deviation:.3g} um of "
-                f"{job.curve.name}; the controller may blend {1e3 * 0.5 * job.room:.3g} um more"
+                f"{name}: {written.blocks} blocks, {written.duration:.6g} s on LinuxCNC, {profile.duration:.6g} s as "
+                f"planned, within {1e3 * deviation:.3g} um of {job.curve.name}; the controller may blend "
+                f"{1e3 * (written.reach - written.deviation):.3g} um more"
             )
             shared = [f"{key}: {said}" for key, said in job.facts if key == "tolerance"]
             click.echo("\n".join([text, *shared]), err=at.taken)

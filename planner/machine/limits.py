@@ -196,6 +196,10 @@ class Limits:
         """Return the same limits with another commanded feedrate, mm/s."""
         return self._replace(feed=feed)
 
+    def with_acceleration_share(self, share: float) -> Limits:
+        """Return the same limits with a part of each axis's acceleration."""
+        return self._replace(acceleration=share * self.acceleration)
+
     def with_period(self, period: float) -> Limits:
         """Return the same limits with another interpolation period, s."""
         return self._replace(period=period)

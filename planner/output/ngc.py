@@ -1,30 +1,41 @@
-"""Programs for LinuxCNC: a planned curve as short lines within a tolerance, each with the feed the plan has there.
+"""Programs for LinuxCNC: a planned curve as short lines within a tolerance, with feeds at which it keeps to the plan.
 
 The frame is ``G61``, the rapid to the start, ``G64 P.. Q0``, the cut, ``M2``: the rapid ends at rest, the cut is blended
 within P, and without ``Q0`` the controller would merge blocks on its own.  No word is repeated that does not change; none
 but the moves themselves stands in the cut, since S, M and G4 make a controller empty its queue.
 
-The tolerance is shared.  The lines leave the curve by half of it, digits included, and P is the other half, so that the
-path the controller may make of them stays within the whole.  Where the plan stops (a corner, an exact stop) the block
-ends under ``G61``, since a blend would cut the corner the plan does not.
+The tolerance is shared between the lines and their blending, block by block: what a line leaves the curve by, digits
+included, and P make the whole at most.  P is as small as the planned speed allows (:mod:`planner.output.ngc_motion`), since
+on a blend LinuxCNC has half of its acceleration along the path.  Before a rest the block stands under ``G61.1``: under
+``G64`` the last one would have half of it, and a blend would cut a corner that the plan does not.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from planner.errors import BrokenLimitError, InputError
 from planner.files.whole_file import whole_file
-from planner.geometry.curve import AXES, DEGREES, Curve
+from planner.geometry.curve import Curve
 from planner.geometry.tolerance import PathTolerance
-from planner.inputs import positive_number, require_instance
-from planner.law import TimeLaw
+from planner.inputs import numbers, positive_number, require_instance
+from planner.machine.limits import DEFAULT_PERIOD
+from planner.output.ngc_blocks import (
+    Room,
+    WrittenBlocks,
+    block_motion,
+    blocks_of_profile,
+    blocks_of_samples,
+    lengths_of_feed,
+)
+from planner.output.ngc_motion import block_feeds, motion_time
 from planner.profile import FeedrateProfile
 from planner.samples import Samples
 from planner.types import FloatArray
@@ -32,32 +43,33 @@ from planner.verify import Report, check
 
 FeedMode = Literal["feed", "inverse_time"]
 
-_PROBES = 16  # inside a block, at Chebyshev points: they miss the peak of a parabola by at most 1 %
-_PROBE_SHARE = 0.98
 _MIN_TOLERANCE_MM = 1e-6  # coordinates are written with up to 9 decimals
-_MAX_HALVINGS = 30
-_MAX_BLOCKS = 5_000_000
-_F_DIGITS = 8  # of the feed: the block times then sum to the duration within 1e-8
+_F_DIGITS = 8  # of the feed
+_P_DIGITS = 4
+_COMMENT = re.compile(r"\([^)]*\)|;.*")
+_ALONG_THE_MOTION = re.compile(r"(M6[2367]([PQE][-+.0-9]+)*)+")
 
 
 @dataclass(frozen=True)
 class WrittenProgram:
-    """What was written: number of blocks that cut, their times' sum in s, and the largest distance to the curve, mm."""
+    """What was written.
+
+    Attributes
+    ----------
+    blocks : int
+        Number of blocks that cut.
+    duration : float
+        What LinuxCNC takes for them by its rules, s; where these are not known, the sum of the blocks' times.
+    deviation : float
+        Largest distance of a line to the curve, mm.
+    reach : float
+        Largest distance to the curve of what the controller may make of them, mm.
+    """
 
     blocks: int
     duration: float
     deviation: float
-
-
-@dataclass(frozen=True, eq=False)
-class _WrittenLines:
-    """Points (n, dim) in mm and degrees as written, times and parameters (n,) and whether the block before each stops."""
-
-    points: FloatArray
-    t: FloatArray
-    u: FloatArray
-    stops: NDArray[np.bool_]
-    deviation: float
+    reach: float
 
 
 def write_ngc(
@@ -70,6 +82,7 @@ def write_ngc(
     block_time: float = 0.01,
     inserted: Sequence[tuple[float, str]] = (),
     report: Report | None = None,
+    acceleration: ArrayLike | None = None,
 ) -> WrittenProgram:
     """Write a LinuxCNC program of a planned curve, if the plan breaks no limit.
 
@@ -96,6 +109,9 @@ def write_ngc(
     report : Report, optional
         What :func:`~planner.verify.check` says of the plan; if left out, a profile is checked here against the limits it
         was planned for.  Samples do not know theirs and need one.
+    acceleration : float or (dim,) sequence of float, optional
+        Of the machine's axes, mm/s^2; if left out, that of the limits of the plan.  A plan that uses a part of it is kept
+        to where LinuxCNC turns and speeds up at the same time.
 
     Returns
     -------
@@ -117,23 +133,53 @@ def write_ngc(
         raise InputError(f"tolerance = {tolerance!r} mm must be finite and at least {_MIN_TOLERANCE_MM} mm")
     require_both_sides(curve)
     _require_sound(path, curve, plan, report)
-    decimals = int(np.clip(np.ceil(-np.log10(tolerance)) + 2.0, 4.0, 9.0))
+    # Directions of short blocks need a digit more than their places.
+    digits = 2.0 if isinstance(plan, Samples) else 3.0
+    decimals = int(np.clip(np.ceil(-np.log10(tolerance)) + digits, 4.0, 9.0))
+    room = Room(tolerance, decimals, *_machine(curve, plan, acceleration))
     if isinstance(plan, Samples):
-        blocks = _blocks_of_samples(curve, plan, decimals)
+        blocks = blocks_of_samples(curve, plan, room)
     else:
         block_time = positive_number(block_time, "block_time")
         places = np.array([u for u, _ in inserted if curve.domain[0] < u < curve.domain[1]])
-        blocks = _blocks_of_profile(curve, plan, tolerance, min(block_time, plan.duration), decimals, places)
-    lengths = _lengths(curve, blocks.points)
-    times = np.diff(blocks.t)
-    rate = 60.0 / times if mode == "inverse_time" else 60.0 * lengths / times
+        blocks = blocks_of_profile(curve, plan, room, min(block_time, plan.duration), places)
+    placed = _by_block(curve, blocks, inserted)
+    stops = blocks.stops.copy()
+    stops[[k for k, lines in placed.items() if k > 0 and any(map(_stops_the_machine, lines))]] = True
+    stops[-1] = True
+    lengths, times = lengths_of_feed(curve, blocks.points), np.diff(blocks.t)
+    motion = None
+    feeds = lengths / times
+    if isinstance(plan, FeedrateProfile) and room.follows(curve):
+        motion = block_motion(blocks.points, plan.at(blocks.t).feed, room)
+        feeds = block_feeds(motion, times)
+    rate = 60.0 * feeds / lengths if mode == "inverse_time" else 60.0 * feeds
     words = [_number(value) for value in rate]
     taken = np.array([float(word) for word in words])
     taken = 60.0 / taken if mode == "inverse_time" else 60.0 * lengths / taken
+    duration = float(taken.sum())
+    if motion is not None:
+        duration = motion_time(motion, lengths / taken, blocks.blends, stops[1:-1])
     with whole_file(path) as file:
-        for line in _lines(curve, blocks, words, mode, 0.5 * tolerance, decimals, inserted):
+        for line in _lines(curve, blocks, words, mode, decimals, stops, placed):
             file.write(f"{line}\n".encode("ascii"))
-    return WrittenProgram(len(words), float(taken.sum()), blocks.deviation)
+    reach = float(np.max(blocks.deviations + blocks.blends))
+    return WrittenProgram(len(words), duration, float(blocks.deviations.max()), reach)
+
+
+def _machine(curve: Curve, plan: FeedrateProfile | Samples, acceleration: ArrayLike | None) -> tuple[FloatArray, float]:
+    """Acceleration of the machine's axes, inf where it is not known, and the period of its controller."""
+    limits = plan.limits if isinstance(plan, FeedrateProfile) else None
+    period = DEFAULT_PERIOD if limits is None else limits.period
+    if acceleration is None:
+        known = np.full(curve.dim, np.inf) if limits is None else limits.acceleration
+    else:
+        known = numbers(acceleration, "acceleration", InputError)
+        if known.shape not in ((), (curve.dim,)) or not (known > 0.0).all():
+            raise InputError(
+                f"acceleration = {acceleration!r} must be a number > 0, or one for each of {', '.join(curve.axes)}"
+            )
+    return np.broadcast_to(known, (curve.dim,)).astype(float), period
 
 
 def require_both_sides(curve: Curve) -> None:
@@ -159,137 +205,31 @@ def _require_sound(path: str | Path, curve: Curve, plan: FeedrateProfile | Sampl
         raise BrokenLimitError(f"{path}: not written: the plan {report.summary()}; plan again within the limits")
 
 
-def _blocks_of_profile(
-    curve: Curve, profile: FeedrateProfile, tolerance: float, block_time: float, decimals: int, places: FloatArray
-) -> _WrittenLines:
-    """Cut a profile at equal times, at corners, stops and places, and in halves until every line is within tolerance."""
-    law = profile.law
-    corners = np.union1d([b.u for b in curve.breaks if b.is_corner], places)
-    count = int(np.ceil(profile.duration / block_time))
-    if count > _MAX_BLOCKS:
-        raise InputError(f"block_time = {block_time!r} s makes {count} blocks; at most {_MAX_BLOCKS} are written")
-    fixed = np.unique(np.concatenate([[0.0, profile.duration], _times_at(law, corners), _stops(profile)]))
-    t = _merge_times(fixed, np.linspace(0.0, profile.duration, count + 1), 0.25 * block_time)
-    u = law.at(t)[0]
-    # At a corner the parameter itself: found from the time, it would be off by a rounding.
-    at = np.searchsorted(corners, u)
-    for k in (np.clip(at - 1, 0, None), at):
-        if corners.size:
-            near = corners[np.minimum(k, corners.size - 1)]
-            u = np.where(np.abs(u - near) <= 1e-9 * np.ptp(curve.domain), near, u)
-    u[0], u[-1] = curve.domain
-    rounding = 0.5 * 10.0**-decimals * np.sqrt(curve.dim)
-    allowed = _PROBE_SHARE * (0.5 * tolerance - rounding)
-    for _ in range(_MAX_HALVINGS):
-        wide = np.flatnonzero(_deviations(curve, u, _positions(curve, u)) > allowed)
-        if wide.size == 0:
-            break
-        middle = 0.5 * (t[wide] + t[wide + 1])
-        t, u = np.insert(t, wide + 1, middle), np.insert(u, wide + 1, law.at(middle)[0])
-        if t.size > _MAX_BLOCKS:
-            raise InputError(f"tolerance = {tolerance!r} mm makes more than {_MAX_BLOCKS} blocks; give a larger one")
-    else:
-        raise InputError(
-            f"tolerance = {tolerance!r} mm is below what the digits of the curve's parameter allow; give a larger one"
-        )
-    return _rounded(curve, u, t, _positions(curve, u), np.isin(t, _stops(profile)[1:-1]), decimals)
+def _by_block(curve: Curve, blocks: WrittenBlocks, inserted: Sequence[tuple[float, str]]) -> Mapping[int, list[str]]:
+    """Lines to put in after each point: the first one that is not before their place."""
+    slack = 1e-9 * np.ptp(curve.domain)  # a place itself is a point, but for rounding
+    after: dict[int, list[str]] = {}
+    for place, line in inserted:
+        after.setdefault(min(int(np.searchsorted(blocks.u, place - slack)), blocks.u.size - 1), []).append(line)
+    return after
 
 
-def _blocks_of_samples(curve: Curve, samples: Samples, decimals: int) -> _WrittenLines:
-    return _rounded(curve, samples.u, samples.t, samples.position, np.zeros(samples.t.size, dtype=bool), decimals)
-
-
-def _rounded(
-    curve: Curve, u: FloatArray, t: FloatArray, position: FloatArray, stops: NDArray[np.bool_], decimals: int
-) -> _WrittenLines:
-    """Points as they are written; those that rounding makes equal become one, and the time stays with the next."""
-    scale = np.array([1.0 if unit == "mm" else DEGREES for unit in curve.axis_units])
-    points = np.round(position * scale, decimals)
-    keep = np.append(True, np.any(np.diff(points, axis=0) != 0.0, axis=1))
-    last = int(np.flatnonzero(keep)[-1])
-    if last == 0:
-        raise InputError(f"{curve.name}: all points are equal when written with {decimals} decimals")
-    t, u = t.copy(), u.copy()
-    t[last], u[last] = t[-1], u[-1]  # a rest at the end belongs to the last block
-    # Which points are dropped before a kept one does not matter: they are that one, or the one before it.
-    deviation = float(_deviations(curve, u[keep], points[keep] / scale).max())
-    stopped = np.maximum.reduceat(stops, np.flatnonzero(keep))
-    return _WrittenLines(points[keep], t[keep], u[keep], stopped, deviation)
-
-
-def _positions(curve: Curve, u: FloatArray) -> FloatArray:
-    return curve.derivatives(u, 0)[0]
-
-
-def _deviations(curve: Curve, u: FloatArray, points: FloatArray) -> FloatArray:
-    """Largest distance, in each block, from probes of the curve to the line between the points, (n - 1,), mm."""
-    lever = np.array([1.0 if unit == "mm" else DEGREES for unit in curve.axis_units])
-    fraction = 0.5 - 0.5 * np.cos(np.pi * (np.arange(_PROBES) + 0.5) / _PROBES)
-    largest = np.empty(u.size - 1)
-    for lo in range(0, u.size - 1, 100_000):
-        rows = slice(lo, min(lo + 100_000, u.size - 1))
-        a, chord = points[rows] * lever, np.diff(points[lo : rows.stop + 1], axis=0) * lever
-        ends = u[lo : rows.stop + 1]
-        at = ends[:-1, None] + np.diff(ends)[:, None] * np.append(fraction, [0.0, 1.0])
-        probes = curve.derivatives(np.clip(at, *curve.domain), 0)[0] * lever - a[:, None]
-        along = np.einsum("npd,nd->np", probes, chord) / np.maximum(np.sum(chord**2, axis=1), 1e-300)[:, None]
-        away = probes - np.clip(along, 0.0, 1.0)[..., None] * chord[:, None]
-        largest[rows] = np.sqrt(np.sum(away**2, axis=2)).max(axis=1)
-    return largest
-
-
-def _stops(profile: FeedrateProfile) -> FloatArray:
-    """Times at which the plan rests, both ends included."""
-    resting = profile.u_rate <= 1e-9 * profile.u_rate.max()
-    return np.unique(np.concatenate([[0.0], profile.t[resting], [profile.duration]]))
-
-
-def _times_at(law: TimeLaw, u: FloatArray) -> FloatArray:
-    """Times at which the plan passes the parameters u, by bisection."""
-    lo, hi = np.zeros(u.size), np.full(u.size, law.t[-1])
-    for _ in range(60):
-        middle = 0.5 * (lo + hi)
-        before = law.at(middle)[0] < u
-        lo, hi = np.where(before, middle, lo), np.where(before, hi, middle)
-    # A node of the plan stands on every corner: its time, where it is that close, joins the stop there.
-    k = np.clip(np.searchsorted(law.t, hi), 1, law.t.size - 1)
-    near = np.where(hi - law.t[k - 1] < law.t[k] - hi, law.t[k - 1], law.t[k])
-    return np.where(np.abs(near - hi) <= 1e-9 * law.t[-1], near, hi)
-
-
-def _merge_times(fixed: FloatArray, others: FloatArray, distance: float) -> FloatArray:
-    """All fixed times, and those others that are farther than a distance from them."""
-    k = np.searchsorted(fixed, others)
-    below, above = fixed[np.maximum(k - 1, 0)], fixed[np.minimum(k, fixed.size - 1)]
-    free = np.minimum(np.abs(others - below), np.abs(others - above)) > distance
-    return np.sort(np.concatenate([fixed, others[free]]))
-
-
-def _lengths(curve: Curve, points: FloatArray) -> FloatArray:
-    """Way of each block that F counts: along X Y Z where any of these moves, else along U V W, else along A B C, degrees."""
-    step = np.diff(points, axis=0)
-    way = np.zeros(step.shape[0])
-    for group in (AXES[:3], AXES[6:], AXES[3:6]):
-        chosen = np.array([axis in group for axis in curve.axes])
-        way = np.where(way > 0.0, way, np.sqrt(np.sum(step[:, chosen] ** 2, axis=1)))
-    return way
+def _stops_the_machine(line: str) -> bool:
+    """Whether LinuxCNC comes to rest for a line without moves: not for comments, nor for outputs set along the motion."""
+    words = _COMMENT.sub("", line).upper().replace(" ", "")
+    return bool(words) and _ALONG_THE_MOTION.fullmatch(words) is None
 
 
 def _lines(
     curve: Curve,
-    blocks: _WrittenLines,
+    blocks: WrittenBlocks,
     feeds: list[str],
     mode: FeedMode,
-    blend: float,
     decimals: int,
-    inserted: Sequence[tuple[float, str]],
+    stops: NDArray[np.bool_],
+    after: Mapping[int, list[str]],
 ) -> Iterator[str]:
     axes = curve.axes
-    # after the first point that is not before the place; a place itself is a point, but for rounding
-    slack = 1e-9 * np.ptp(curve.domain)
-    after: dict[int, list[str]] = {}
-    for place, line in inserted:
-        after.setdefault(min(int(np.searchsorted(blocks.u, place - slack)), blocks.u.size - 1), []).append(line)
     text = [[_plain(value, decimals) for value in row] for row in blocks.points.tolist()]
     name = "".join(c if c.isascii() and c.isprintable() and c not in "();" else "_" for c in curve.name)[:80]
     yield f"({name}: {len(feeds)} blocks)"
@@ -299,11 +239,9 @@ def _lines(
     yield "G0 " + " ".join(axis + word for axis, word in zip(axes, text[0], strict=True))
     if mode == "inverse_time":
         yield "G93"
-    blending = f"G64 P{_number(blend)} Q0"
-    stops = blocks.stops.tolist()
     state, feed = "", ""
     for k in range(1, len(text)):
-        wanted = "G61" if stops[k] else blending
+        wanted = "G61.1" if stops[k] else f"G64 P{_number(blocks.blends[k - 1], _P_DIGITS)} Q0"
         if wanted != state:
             yield wanted
             state = wanted
@@ -322,8 +260,8 @@ def _plain(value: float, decimals: int) -> str:
     return "0" if text == "-0" else text
 
 
-def _number(value: float) -> str:
-    """A number > 0 in plain digits, of which eight count."""
-    digits = max(_F_DIGITS - 1 - int(np.floor(np.log10(value))), 0)
+def _number(value: float, count: int = _F_DIGITS) -> str:
+    """A number > 0 in plain digits, of which so many count."""
+    digits = max(count - 1 - int(np.floor(np.log10(value))), 0)
     text = f"{value:.{digits}f}"
     return text.rstrip("0").rstrip(".") if "." in text else text

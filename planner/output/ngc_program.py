@@ -11,6 +11,7 @@ from itertools import groupby
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from planner.geometry.curve import AXES
 from planner.inputs import require_instance
@@ -33,6 +34,7 @@ def write_program(
     mode: FeedMode = "feed",
     block_time: float = 0.01,
     report: Report | None = None,
+    acceleration: ArrayLike | None = None,
 ) -> WrittenProgram:
     """Write the plan of a part program as a LinuxCNC program, if the plan breaks no limit.
 
@@ -47,7 +49,7 @@ def write_program(
     tolerance : float
         Largest distance between the path and what the controller may make of the blocks, mm; it adds to that between
         the path and the program.
-    mode, block_time, report
+    mode, block_time, report, acceleration
         As for :func:`planner.output.ngc.write_ngc`.
 
     Returns
@@ -75,6 +77,7 @@ def write_program(
         block_time=block_time,
         inserted=inserted,
         report=report,
+        acceleration=acceleration,
     )
 
 

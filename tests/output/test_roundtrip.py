@@ -15,6 +15,7 @@ from planner.programs.reading.reader import read_program
 LIMITS = Limits(200.0, [400.0, 250.0, 100.0], [1000.0, 300.0, 1000.0], [1e5, 1e5, 2e4])
 TOLERANCE, SHARE = 0.01, 0.75
 FEED = 12_000
+AGAIN = 0.5 * (1.0 - SHARE) * TOLERANCE  # in place of P, which is the least with which LinuxCNC keeps to the plan
 
 
 def random_program(seed):
@@ -60,11 +61,11 @@ def assert_planned_again(folder, text):
     first.write_text(text)
     program, path, profile = planned(first, SHARE * TOLERANCE)
     write_program(again, program, path, profile, tolerance=(1.0 - SHARE) * TOLERANCE)
-    _, as_written, capped = planned(again, None)
-    # Each F is the mean of the plan over its block, so on every ramp it takes something off.
+    _, as_written, capped = planned(again, AGAIN)
+    # Each F is at most the highest feed of the plan in its block, so on every ramp it takes something off.
     assert capped.duration <= 1.3 * profile.duration + 0.02 * len(as_written.stops)
     again.write_text(re.sub(r" F[\d.]+", "", again.read_text()).replace("G94", f"G94\nF{FEED}"))
-    _, _, free = planned(again, None)
+    _, _, free = planned(again, AGAIN)
     extra = len(as_written.stops) - len(path.stops)  # where the exact mode of the last block before a stop begins
     assert 0 <= extra <= len(path.stops)
     # An eighth of the tolerance is left to the corners.
@@ -90,7 +91,7 @@ def test_places_at_which_only_the_feed_changes_are_not_beside_others(tmp_path):
     first.write_text(text)
     program, path, profile = planned(first, SHARE * TOLERANCE)
     write_program(again, program, path, profile, tolerance=(1.0 - SHARE) * TOLERANCE)
-    _, as_written, capped = planned(again, None)
+    _, as_written, capped = planned(again, AGAIN)
     assert capped.duration <= 1.12 * profile.duration
     near = np.diff(as_written.curve._candidate_breaks())
     assert near.min() > 1e-5
