@@ -412,7 +412,7 @@ def load_job(
     example = "five-axis" if ROTARY_AXES & set(made.curve.axes) else "mill"
     found, named = load_machine(machine, example, complete=complete)
     limits = _changed(found.limits.for_curve(made.curve), feed, period, acceleration_share)
-    return Job.of(made, limits, named, acceleration_share)
+    return Job.of(made, limits, named, acceleration_share=acceleration_share)
 
 
 def load_machine(
