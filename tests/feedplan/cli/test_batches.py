@@ -8,6 +8,7 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -131,3 +132,34 @@ def test_an_interrupt_shows_what_was_done(parts):
     assert "long.ngc: interrupted before it was done" in flat(out)
     with (parts / "out.csv").open(newline="") as file:
         assert [row["program"] for row in csv.DictReader(file)] == ["a.ngc", "long.ngc", "b.ngc"]
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    """Two processes that work, with a scheduler in this one."""
+    distributed = pytest.importorskip("distributed")  # an extra: feedplan[dask]
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as found:
+        yield found
+
+
+class TestOnACluster:
+    def test_the_table_is_that_of_this_machine_also_when_a_worker_is_killed(self, run, parts, cluster):
+        """Nothing is lost, and nothing counted twice; what a program calls travels with it."""
+        for k in range(3):
+            (parts / f"c{k}.ngc").write_text(MOVES.format(10 + k).replace("X0\nY0", "o<back> call"))
+        (parts / "back.nc").write_text("o<back> sub\nX0\nY0\no<back> endsub\nM2\n")
+        (parts / "wrong.ngc").write_text("G1 X10 F600 H\nM2\n")
+        programs = [path.name for path in sorted(parts.glob("*.ngc"))]
+        here = run("time", *programs, "--machine", "mill", "--json")
+        worker = next(iter(cluster.workers.values()))
+        killer = threading.Timer(1.0, os.kill, (worker.pid, signal.SIGKILL))
+        killer.start()
+        there = run("time", *programs, "--machine", "mill", "--json", "--scheduler", cluster.scheduler_address)
+        killer.join()
+        assert there == here
+        assert here[0] == 2
+        assert [row["program"] for row in strict_json(here[1])["programs"]] == programs
+
+    def test_a_sweep_is_too(self, run, parts, cluster):
+        arguments = ["sweep", "a.ngc", "b.ngc", "--scale", "jerk=1,2", "--json"]
+        assert run(*arguments, "--scheduler", cluster.scheduler_address) == run(*arguments)
