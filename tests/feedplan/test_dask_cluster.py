@@ -41,7 +41,7 @@ def eventually(holds, seconds=30.0):
 @pytest.fixture(scope="module")
 def cluster():
     """Two processes that work, with a scheduler in this one."""
-    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as found:
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as found:
         yield found
 
 

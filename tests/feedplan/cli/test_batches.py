@@ -138,7 +138,7 @@ def test_an_interrupt_shows_what_was_done(parts):
 def cluster():
     """Two processes that work, with a scheduler in this one."""
     distributed = pytest.importorskip("distributed")  # an extra: feedplan[dask]
-    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as found:
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as found:
         yield found
 
 
