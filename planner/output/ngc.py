@@ -47,7 +47,7 @@ _MIN_TOLERANCE_MM = 1e-6  # coordinates are written with up to 9 decimals
 _F_DIGITS = 8  # of the feed
 _P_DIGITS = 4
 _COMMENT = re.compile(r"\([^)]*\)|;.*")
-_ALONG_THE_MOTION = re.compile(r"(M6[2367]([PQE][-+.0-9]+)*)+")
+_ALONG_THE_MOTION = re.compile(r"(M6[237]([PQE][-+.0-9]+)*)+")
 
 
 @dataclass(frozen=True)
