@@ -29,6 +29,10 @@ ELSEWHERE = {
         "planner.calibration.calibrated_machine",
         "planner.calibration.known_path",
     ),
+    "calibration/test_cycle_times.py": (
+        "planner.calibration.controller_times",
+        "planner.calibration.times_list",
+    ),
     "calibration/test_ramps.py": ("planner.calibration.laws",),
     "geometry/test_catalog.py": ("planner.data",),
     "geometry/test_curve.py": ("planner.geometry.continuity", "planner.geometry.fit"),

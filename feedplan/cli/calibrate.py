@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     epilog=(
         "\b\nExamples:\n"
         "  feedplan calibrate logs/*.csv --machine start.toml -o machine.toml\n"
+        "  feedplan calibrate times.csv --controller grbl --machine start.toml -o machine.toml\n"
         "  feedplan calibrate positions.csv --period-s 0.001 --machine mill -o machine.toml\n"
     ),
 )
@@ -28,6 +29,9 @@ if TYPE_CHECKING:
 @options.machine
 @click.option("--output", "-o", required=True, type=options.FILE, help="Machine file to write, .toml.")
 @click.option("--period-s", type=float, help="Time between two samples, for logs without a column of time.")
+@click.option(
+    "--controller", metavar="NAME", help="Whose model times of programs are compared with; else each is tried."
+)
 @click.option("--trust-units", is_flag=True, help="Believe the units of the columns whatever the machine file says.")
 @options.as_json
 def calibrate(
@@ -37,14 +41,15 @@ def calibrate(
     complete: dict[str, float],
     output: Path,
     period_s: float | None,
+    controller: str | None,
     trust_units: bool,
     as_json: bool,
 ) -> None:
     """Find a machine's limits in logs of a controller.
 
-    A LOG is CSV whose first line names columns and units: time and positions of axes (t_s,X_mm,Y_mm).  A
-    program beside a log, under its name, says what feed was asked for.  What the logs cannot
-    tell stays as in the machine file, and is said.
+    A LOG is CSV whose first line names columns and units: time and positions of axes (t_s,X_mm,Y_mm), or the times of
+    programs (program,seconds).  A program beside a log, under its name, says what feed was asked for.  What the logs
+    cannot tell stays as in the machine file, and is said.
     """
     if machine is None:
         raise InputError("--machine is needed: the machine file to start from, which says what the logs cannot")
@@ -57,7 +62,13 @@ def calibrate(
 
     with ProgressLine() as line:
         found = calibrate_files(
-            logs, machine, complete=complete, period=period_s, trust_units=trust_units, progress=line
+            logs,
+            machine,
+            complete=complete,
+            period=period_s,
+            controller=controller,
+            trust_units=trust_units,
+            progress=line,
         )
     with whole_file(output) as file:
         file.write(found.toml(output.resolve().parent).encode())

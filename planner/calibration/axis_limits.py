@@ -41,6 +41,8 @@ class AxisLimit:
         Largest distance of one of them from the value, as a share of it.
     why : str
         Where it is not known, why.
+    joint : bool
+        Not known by itself, but one of several that fit together: of these, what is nearest to the start.
     """
 
     axis: str
@@ -50,6 +52,7 @@ class AxisLimit:
     count: int = 0
     spread: float = 0.0
     why: str = ""
+    joint: bool = False
 
 
 def axis_limits(

@@ -20,7 +20,7 @@ def calibrated_limits(start: Limits, found: Sequence[AxisLimit]) -> Limits:
     """Limits with what was found; where it is not known those of the start, or what was reached if that is more."""
     rows = {q.key: getattr(start, q.key).copy() for q in AXIS}
     for limit in found:
-        if limit.known or is_raised(limit, start):
+        if limit.known or limit.joint or is_raised(limit, start):
             rows[limit.quantity.key][start.axes.index(limit.axis)] = float(f"{limit.value:.{_DIGITS}g}")
     scalars = {
         name: getattr(start, name)
@@ -40,6 +40,8 @@ def remark(limit: AxisLimit, start: Limits) -> str:
     """Where a value of the file comes from."""
     if limit.known:
         return f"measured {limit.count} times, within {percent(limit.spread)}; was {_was(limit, start):g}"
+    if limit.joint:
+        return f"fits together with others, by itself within {percent(limit.spread)}; was {_was(limit, start):g}"
     if is_raised(limit, start):
         return f"reached, may be higher; was {_was(limit, start):g}"
     return "as it was: not measured"
@@ -47,7 +49,7 @@ def remark(limit: AxisLimit, start: Limits) -> str:
 
 def is_raised(limit: AxisLimit, start: Limits) -> bool:
     """Whether a limit that is not known was passed: it is at least what was reached."""
-    return not limit.known and limit.value > _was(limit, start) * (1.0 + _PASSED)
+    return not limit.known and not limit.joint and limit.value > _was(limit, start) * (1.0 + _PASSED)
 
 
 def percent(share: float) -> str:
