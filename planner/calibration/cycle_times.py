@@ -5,7 +5,7 @@ of the machine file,
 
     minimise  sum over programs of rho((log T_model(x) - log T_measured) / e)^2  +  sum over limits of (x / spread)^2.
 
-1. Logarithms make every program count alike, and keep limits positive.  rho grows but linearly for programs that are far off.
+1. Logarithms make every program count alike, and keep limits positive.  rho is linear for programs far off.
 2. The second sum says that the machine file is about right.  It hardly moves what the times depend on; what they do
    not depend on stays, and of limits that only fit together those nearest to the file's are taken.
 3. The standard error of each x comes from the slopes d log T / d x at the optimum.  A limit with a small one is known.
