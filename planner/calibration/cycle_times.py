@@ -9,7 +9,8 @@ of the machine file,
 2. The second sum says that the machine file is about right.  It hardly moves what the times depend on; what they do
    not depend on stays, and of limits that only fit together those nearest to the file's are taken.
 3. The standard error of each x comes from the slopes d log T / d x at the optimum.  A limit with a small one is known.
-   One with a large one is not, by itself; its value is kept if the times depend on it.
+   One with a large one is not, by itself; its value is kept if the times depend on it.  With no more programs than limits
+   none is known.
 4. A program that is off far more than the others is named and left out: it waits for something, or is another one.
 
 Known limitation: the model's own error is part of the misfit; where it is one-sided, so are the limits.
@@ -110,13 +111,16 @@ def fit_times(seconds: Seconds, measured: FloatArray, start: Limits, axes: Seque
     x = fit.solve(fit.begin(used), used)
     off = np.abs(fit.errors(x))
     odd = off > max(_ODD * float(np.median(off)), _MIN_ODD)
-    if odd.any() and 2 * np.count_nonzero(odd) < odd.size:
+    if odd.any() and np.count_nonzero(~odd) > len(unknown):
         used = ~odd
         x = fit.solve(x, used)
     slopes = fit.slopes(x)[used]
     flat = np.linalg.norm(slopes, axis=0) < _FLAT
     x = np.where(flat, 0.0, x)
     error = fit.standard_errors(x, slopes, used)
+    if np.count_nonzero(used) <= np.count_nonzero(~flat):
+        # As many limits as programs fit any model, also a wrong one: the misfit says nothing of their errors.
+        error = np.maximum(error, 2.0 * _KNOWN)
     limits = tuple(
         _limit(item, start, float(x[k]), float(error[k]), bool(flat[k]), int(np.count_nonzero(used)))
         for k, item in enumerate(unknown)

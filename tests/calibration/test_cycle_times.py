@@ -99,6 +99,12 @@ def test_limits_that_only_count_together_are_not_known():
     assert fit.misfit < 0.01
 
 
+def test_as_many_limits_as_programs_fit_any_times_and_none_is_known():
+    model = seconds_of(RICH[:5])
+    fit = fit_times(model, model(TRUE), START, AXES)
+    assert not any(row.known for row in fit.limits)
+
+
 def test_a_program_that_waits_is_left_out():
     model = seconds_of(RICH)
     measured = model(TRUE)
