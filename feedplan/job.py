@@ -217,9 +217,11 @@ class Job:
 
     def neighbouring_passes(self, profile: FeedrateProfile) -> NeighbouringPasses | None:
         """How equal a plan's feed is at the same place in neighbouring passes; None where there are none, or no program."""
+        if self.path is None:
+            return None
         from planner.programs.neighbours import neighbouring_passes
 
-        return None if self.path is None else neighbouring_passes(self.path, profile, self.limits)
+        return neighbouring_passes(self.path, profile, self.limits)
 
     def prove(self, verdict: Verdict, certificate: Path, progress: Progress = _silent) -> Verdict:
         """Add what the certificate in a file proves of the lower bound of this job's plans."""

@@ -45,6 +45,14 @@ table = click.argument(
     "table", metavar="TABLE", type=FILE, help=f'Feedrate table, {ANY_COLUMN_FORMAT}; "-" is standard input.'
 )
 program = click.argument("program", metavar="PROGRAM", type=click.Path(), help="Part program, .ngc.")
+programs = click.argument(
+    "programs",
+    metavar="PROGRAM...",
+    nargs=-1,
+    required=True,
+    type=click.Path(),
+    help="Part programs, .ngc, or folders of them.",
+)
 _MACHINE: dict[str, Any] = {
     "metavar": "FILE",
     "help": "Machine file (.toml; .ini of LinuxCNC, .cfg of Klipper, $$ of GRBL), or an example machine.",

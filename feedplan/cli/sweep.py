@@ -25,9 +25,7 @@ if TYPE_CHECKING:
         "  feedplan sweep part.ngc --scale acceleration.X=1,1.5 --scale jerk=1,2 --scheduler tcp://10.0.0.5:8786\n"
     ),
 )
-@click.argument(
-    "programs", metavar="PROGRAM...", nargs=-1, required=True, help="Part programs, .ngc, or folders of them."
-)
+@options.programs
 @options.machines
 @click.option("--tolerance-mm", metavar="A,B,...", help="Distances allowed from the program, in place of its P words.")
 @click.option(

@@ -36,9 +36,7 @@ _ROWS = 12
         "  feedplan time parts/*.ngc --machine mill.toml -o times.csv\n"
     ),
 )
-@click.argument(
-    "programs", metavar="PROGRAM...", nargs=-1, required=True, help="Part programs, .ngc, or folders of them."
-)
+@options.programs
 @options.machine
 @options.tolerance
 @options.tolerances

@@ -22,11 +22,7 @@ def calibrated_limits(start: Limits, found: Sequence[AxisLimit]) -> Limits:
     for limit in found:
         if limit.known or limit.joint or is_raised(limit, start):
             rows[limit.quantity.key][start.axes.index(limit.axis)] = float(f"{limit.value:.{_DIGITS}g}")
-    scalars = {
-        name: getattr(start, name)
-        for name in ("feed", "chord_error", "period", "tangential_acceleration", "tangential_jerk", "rapid")
-    }
-    return Limits(**scalars, **rows, axes=start.axes)
+    return start.with_axes(start.axes, **rows)
 
 
 def calibrated_text(machine: Machine, found: Sequence[AxisLimit], head: Sequence[str], folder: Path) -> str:

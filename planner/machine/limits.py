@@ -250,6 +250,7 @@ class Limits:
 
         Raises InputError where there is no such limit.
         """
+        factor = positive_number(factor, "factor")
         for quantity in QUANTITIES:
             if quantity.scope is Scope.PATH and name == quantity.label:
                 found = self.scaled(quantity.key, factor)

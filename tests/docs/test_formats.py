@@ -299,10 +299,13 @@ def test_words_of_a_program():
 
 
 def test_json_of_the_verdict(files, json_of):
-    """Of a curve, a program with stops, points, a table with its certificate."""
+    """Of a curve, a program with stops, one of passes side by side, points, a table with its certificate."""
+    passes = "".join(f"G1 X{60 * (k % 2)} Y{k}\nG1 Y{k + 1}\n" for k in range(4))
+    (files / "passes.ngc").write_text(f"G21 G90 G17\nF3000\n{passes}M2\n")
     agree_json(
         "verdict",
         [
+            json_of("plan", files / "passes.ngc", "--tolerance-mm", 0.02),
             json_of("plan", "teardrop", "--intervals", 100),
             json_of("plan", STOPS, "-o", files / "stops.csv"),
             json_of("plan", STOPS, "--program", files / "stops.ngc"),

@@ -54,7 +54,7 @@ def test_bash_is_told_and_one_command_loads(line, found):
 @pytest.mark.parametrize(
     ("line", "found"),
     [
-        ("feedplan c", ["check", "compare", "curves"]),
+        ("feedplan c", ["check", "compare", "calibrate", "curves"]),
         ("feedplan check table.csv fl", ["flank"]),
         ("feedplan windows part.ngc --fr", ["--fresh"]),
     ],

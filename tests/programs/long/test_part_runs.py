@@ -121,8 +121,9 @@ def test_a_window_that_is_shorter_than_a_run_takes_the_run(tmp_path, monkeypatch
     assert plan.duration == pytest.approx(whole(source)[1].duration, rel=1e-9)
 
 
-def test_the_laws_are_taken_also_where_one_feed_is_the_lowest_everywhere(tmp_path):
-    """The limits of such a window must be those that its laws were found for."""
+def test_the_laws_are_taken_also_where_one_feed_is_the_lowest_everywhere(tmp_path, monkeypatch):
+    """The limits of such a window, here one of both runs, must be those that its laws were found for."""
+    monkeypatch.setattr(window, "_WINDOW", 600)
     source = program(*[line(4.0 * k, 6.0 * (k % 2), stop=k == 4) for k in range(1, 9)], feed=60.0)
     plan = plan_program(source, LIMITS, 0.01, output=tmp_path / "plan.npz")
     path, _ = whole(source)
@@ -154,7 +155,7 @@ def test_what_waits_is_a_part_and_a_window(tmp_path, queues):
     sizes = [queue.curve.kind.size for _, queue, _ in queues]
     assert max(sizes) < 300 + 400 + 2 * 100
     runs = [np.diff(queue.timed, axis=1).max() for _, queue, _ in queues]
-    assert max(runs) < 100
+    assert max(runs) < 200  # intervals of a run of seven blocks
     with np.load(plan.table) as table:
         assert table["t"].size > 2000
 

@@ -107,7 +107,10 @@ class TestLengths:
     def test_a_table_of_linuxcnc(self, tmp_path, read):
         path = tmp_path / "tool.tbl"
         path.write_text("; tools\n\nT1 P1 D6.0 Z+40.2 ;6 mm end mill\nt2 P2 X.5 Z-3.\n")
-        assert read_tool_table(path) == {1: Tool((0.0, 0.0, 40.2), 6.0), 2: Tool((0.5, 0.0, -3.0))}
+        assert read_tool_table(path) == {
+            1: Tool((0.0, 0.0, 40.2), 6.0, name="6 mm end mill"),
+            2: Tool((0.5, 0.0, -3.0)),
+        }
         assert read("F60\nG43 H1\nG1 Z1" + END, tools=path).end[0, 2] == pytest.approx(41.2, rel=1e-15)
 
     @pytest.mark.parametrize(
