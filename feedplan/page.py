@@ -1,4 +1,4 @@
-"""A plan as one page for a browser: the path coloured by feed, what it uses of its limits over time, and the verdict.
+"""A plan as one page for a browser: the path coloured by feed, played back, what it uses of its limits, and the verdict.
 
 The page is one file that loads nothing: style, program and numbers are inside it (``page.html`` is its template).
 Its size is bounded: the plan is thinned out to the extremes of as many buckets of time as fit
@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from feedplan.playback import Playback, PlayedLines
 from feedplan.tolerances import ToleranceTime, tolerance_facts
 from feedplan.verdict import Verdict, to_json
 from planner.errors import InputError
@@ -33,11 +34,15 @@ if TYPE_CHECKING:
     from planner.programs.times import LineTimes
 
 _SUFFIXES = (".html", ".htm")
-# Base64 makes 4 bytes of 3, so the page stays below 8.3 + 0.9 + 4 MB and what the text takes.
-_TRACE_BYTES = 6_200_000
+# Base64 makes 4 bytes of 3, so the page stays below 7 MB of traces, 0.9 of chords, 0.7 of frames, 4.9 of lines and their
+# text, and what the rest takes.
+_TRACE_BYTES = 5_200_000
 _MAX_POINTS = 60_000  # of a plan that needs no thinning out; more make a page slow to send, and no clearer
 _MAX_CHORDS = 40_000
-_MAX_LINES = 250_000  # entries of the line at each time
+_MAX_FRAMES = 20_000  # of the playback; more than one a pixel of any path that a screen shows
+_MAX_LINES = 200_000  # entries of the line at each time
+_LINE_BYTES = 20  # of such an entry: first and last line, time, feed, and the number of its text
+_LINES_BYTES = 4_900_000  # of them all in the page, with their text
 _TOP_LINES = 1000  # rows of the table of lines
 _DTYPES = {"float64": "<f8", "float32": "<f4", "int32": "<i4", "int8": "|i1"}
 
@@ -47,6 +52,7 @@ def write_report(
     verdict: Verdict,
     *,
     lines: LineTimes | None = None,
+    played: PlayedLines | None = None,
     tolerances: Sequence[ToleranceTime] = (),
     corner: SlowCorner | None = None,
     progress: Callable[[str], None] = lambda _: None,
@@ -61,6 +67,8 @@ def write_report(
         The plan, its limits, its samples and what was found about both.
     lines : LineTimes, optional
         Of a part program, for this plan; the page then shows the line at every time, and which lines take longest.
+    played : PlayedLines, optional
+        The same lines in the order of the run; the playback then shows their text and programmed feed too.
     tolerances : sequence of ToleranceTime
         What :func:`time_of_tolerances` found for a part program; the page then shows time against tolerance.
     corner : SlowCorner, optional
@@ -82,6 +90,8 @@ def write_report(
         raise InputError(
             f"the lines are of another plan than {curve.name}: their limits are {', '.join(lines.limit_names)}"
         )
+    if played is not None and lines is None:
+        raise InputError(f"the lines of {curve.name} are to be played, but their times are not given")
     bought = _tolerance_facts(verdict, tolerances) if tolerances else None
     progress("evaluating the plan for the report")
     traces = trace_plan(curve, limits, profile, _most_points(curve.dim, curve.tip.dim))
@@ -101,8 +111,9 @@ def write_report(
         },
         "plan": _trace_facts(traces) | _place_facts(traces),
         "chords": _trace_facts(chords),
+        "playback": _playback_facts(Playback.of(profile, _MAX_FRAMES)),
         "origin": [list(pair) for pair in verdict.facts],
-        "lines": None if lines is None else _line_facts(lines, profile),
+        "lines": None if lines is None else _line_facts(lines, played, profile),
         "tolerances": bought,
         "corner": None if corner is None else _corner_facts(corner),
     }
@@ -163,14 +174,24 @@ def _place_facts(traces: PlanTraces) -> dict[str, Any]:
     }
 
 
-def _line_facts(lines: LineTimes, profile: FeedrateProfile) -> dict[str, Any]:
+def _playback_facts(frames: Playback) -> dict[str, Any]:
+    return {
+        "t": _packed(frames.t),
+        "position": [_packed(column.astype(np.float32)) for column in frames.position.T],
+        "feed": _packed(frames.feed.astype(np.float32)),
+        "position_error_mm": frames.position_error,
+        "feed_error_mm_s": frames.feed_error,
+    }
+
+
+def _line_facts(lines: LineTimes, played: PlayedLines | None, profile: FeedrateProfile) -> dict[str, Any]:
     """The line at each time, of very many lines the first and last of each group; and the lines that take longest."""
     from planner.programs.times import KINDS, times_at
 
-    group = max(1, -(-lines.line.size // _MAX_LINES))
-    first = np.arange(0, lines.line.size, group)
-    last = np.minimum(first + group, lines.line.size) - 1
-    start = times_at(profile, lines.u_start[first])
+    line, start = (lines.line, times_at(profile, lines.u_start)) if played is None else (played.line, played.start)
+    group = max(1, -(-line.size // _MAX_LINES))
+    first = np.arange(0, line.size, group)
+    last = np.minimum(first + group, line.size) - 1
     top = np.argsort(-(lines.seconds + lines.dwell), kind="stable")[:_TOP_LINES]
     return {
         "count": int(lines.line.size),
@@ -178,10 +199,12 @@ def _line_facts(lines: LineTimes, profile: FeedrateProfile) -> dict[str, Any]:
         "dwell": lines.dwelling,
         "tool_changes": lines.changes,
         "group": group,
-        "first": _packed(lines.line[first].astype(np.int32)),
-        "last": _packed(lines.line[last].astype(np.int32)) if group > 1 else None,
+        "first": _packed(line[first].astype(np.int32)),
+        "last": _packed(line[last].astype(np.int32)) if group > 1 else None,
         # Differences keep their digits in single precision where the times of a long program would not.
-        "step": _packed(np.diff(start, prepend=0.0).astype(np.float32)),
+        "step": _packed(np.diff(start[first], prepend=0.0).astype(np.float32)),
+        "feed": None if played is None or group > 1 else _packed(played.feed.astype(np.float32)),
+        "text": None if played is None or group > 1 else _text_facts(played),
         "top": {
             "line": lines.line[top].tolist(),
             "kind": [KINDS[kind] for kind in lines.kind[top]],
@@ -194,6 +217,13 @@ def _line_facts(lines: LineTimes, profile: FeedrateProfile) -> dict[str, Any]:
             "dwell": lines.dwell[top].tolist(),
         },
     }
+
+
+def _text_facts(played: PlayedLines) -> dict[str, Any] | None:
+    """Text and N word of each line by its number; None where they are longer than there is room for."""
+    facts = {"number": _packed(played.number.astype(np.int32)), "text": played.texts(), "n_word": played.n_words()}
+    room = _LINES_BYTES - 4 * played.line.size * _LINE_BYTES // 3
+    return facts if len(_numbers([facts["text"], facts["n_word"]])) <= room else None
 
 
 def _corner_facts(slow: SlowCorner) -> dict[str, Any]:
@@ -227,9 +257,13 @@ def _finite(value: float) -> float | None:
 def _page(facts: dict[str, Any]) -> str:
     """Put title and numbers into the template; no name can end the element it stands in."""
     template = Path(__file__).with_name("page.html").read_text(encoding="utf-8")
-    numbers = json.dumps(facts, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
     before, between, after = _split(template, "{{title}}", "{{facts}}")
-    return "".join((before, html.escape(facts["curve"]["name"]), between, numbers, after))
+    return "".join((before, html.escape(facts["curve"]["name"]), between, _numbers(facts), after))
+
+
+def _numbers(facts: Any) -> str:
+    """JSON that no name in it can end."""
+    return json.dumps(facts, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
 
 
 def _split(text: str, *marks: str) -> list[str]:

@@ -176,7 +176,7 @@ def plan(
             if not verdict.holds:  # no machine gets a plan that breaks a limit
                 files = replace(files, program=None)
             verdict = replace(verdict, files=tuple(map(at.told, files.names)))
-            files.write(job, verdict, at.told(curve), line)
+            files.write(job, verdict, curve, at.told(curve), line)
         if program is not None and files.program is None:
             click.echo(f"{program}: not written, since the plan breaks a limit", err=True)
         report_verdict(verdict, as_json, aside=at.taken)
@@ -214,8 +214,8 @@ class Files:
         if self.certificate is not None:
             _require_certifiable(self.certificate, method)
 
-    def write(self, job: Job, verdict: Verdict, source: str, line: ProgressLine) -> None:
-        """Write all but the certificate, each saying so where the plan breaks a limit."""
+    def write(self, job: Job, verdict: Verdict, curve: str, told: str, line: ProgressLine) -> None:
+        """Write all but the certificate, each saying so where the plan breaks a limit; ``told`` names the curve in them."""
         profile, limits, report = verdict.profile, verdict.limits, verdict.report
         if self.output is not None:
             from planner import write_table
@@ -229,7 +229,7 @@ class Files:
             from planner.programs.line_table import write_line_times
 
             line(f"writing {self.lines}")
-            write_line_times(self.lines, job.line_times(profile), source, report.summary())
+            write_line_times(self.lines, job.line_times(profile), told, report.summary())
         if self.plot is not None:
             from planner.output.figures import save_plot
             from planner.output.plots import plot_plan
@@ -237,11 +237,22 @@ class Files:
             line(f"drawing {self.plot}")
             save_plot(self.plot, plot_plan(job.curve, limits, profile, verdict.samples, report, **self.drawing))
         if self.report is not None:
-            from feedplan.page import write_report
-            from feedplan.slow_corner import slowest_corner
+            _write_page(self.report, job, verdict, curve, line)
 
-            lines = job.line_times(profile) if job.program else None
-            write_report(self.report, verdict, lines=lines, corner=slowest_corner(job, profile), progress=line)
+
+def _write_page(page: Path, job: Job, verdict: Verdict, curve: str, line: ProgressLine) -> None:
+    """Write the page of a plan, of a program with its lines."""
+    from feedplan.page import write_report
+    from feedplan.playback import PlayedLines
+    from feedplan.slow_corner import slowest_corner
+    from planner.programs.program_text import ProgramText
+
+    profile, lines, played = verdict.profile, None, None
+    if job.program is not None:
+        text = ProgramText.read(curve)
+        lines, played = job.line_times(profile), PlayedLines.of(job, profile, text)
+    corner = slowest_corner(job, profile)
+    write_report(page, verdict, lines=lines, played=played, corner=corner, progress=line)
 
 
 def _require_certifiable(certificate: Path, method: MethodName) -> None:

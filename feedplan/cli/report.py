@@ -68,9 +68,9 @@ def report(
 ) -> None:
     """Write a feedrate table as a page for a browser.
 
-    One file that needs no network: the path by feed, the use of every limit over time, the verdict, and for part programs
-    the time of each line and, with --tolerances-um, what another tolerance saves.  Without --machine the limits in the
-    table's own header count.
+    One file that needs no network: the path by feed, played back along a slider, the use of every limit over time, the
+    verdict, and for part programs the time of each line and, with --tolerances-um, what another tolerance saves.
+    Without --machine the limits in the table's own header count.
     """
     with Streams() as at:
         from feedplan.page import require_report, write_report
@@ -80,10 +80,12 @@ def report(
         require_report(page)
         if tolerances is not None:
             require_program(curve, "--tolerances-um")
+        from feedplan.playback import PlayedLines
         from feedplan.progress import ProgressLine
         from feedplan.slow_corner import slowest_corner
         from feedplan.tolerances import ToleranceTime, time_of_tolerances
         from planner import read_table
+        from planner.programs.program_text import ProgramText
 
         given: dict[str, Any] = {
             "complete": complete, "scale": scale, "tools": tools, "ignore": ignore, "reader": reader, "setup": setup,
@@ -95,7 +97,9 @@ def report(
             profile = read_table(table, job.curve)
             verdict = job.judge(profile, line, files=(at.told(str(page)),))
             verdict = replace(verdict, machine=at.told(verdict.machine))
-            lines = None if job.program is None else job.line_times(profile)
+            lines = played = None
+            if job.program is not None:
+                lines, played = job.line_times(profile), PlayedLines.of(job, profile, ProgramText.read(curve))
             others: tuple[ToleranceTime, ...] = ()
             if tolerances is not None:
                 others = time_of_tolerances(curve, machine, tolerances, table=table, progress=line, **given)
@@ -105,7 +109,7 @@ def report(
                 separate = given | {"path": "separate", "side": "both", "tolerance": tolerance_mm}
                 beside = _planned("path first, then feed", lambda: load_job_of_table(table, curve, machine, **separate))
             corner = slowest_corner(job, profile, beside)
-            write_report(page, verdict, lines=lines, tolerances=others, corner=corner, progress=line)
+            write_report(page, verdict, lines=lines, played=played, tolerances=others, corner=corner, progress=line)
         report_verdict(verdict, as_json, aside=at.taken)
         if any(row.breaks for row in others):
             raise click.exceptions.Exit(BROKEN)

@@ -21,6 +21,7 @@ import interp
 from feedplan.cli import app
 from feedplan.job import load_job
 from feedplan.page import require_report, write_report
+from feedplan.playback import Playback, PlayedLines
 from feedplan.slow_corner import slowest_corner
 from feedplan.tolerances import ToleranceTime, time_of_tolerances, tolerance_facts
 from feedplan.verdict import Verdict, to_json
@@ -32,6 +33,7 @@ from planner.output.corner_view import plot_corner
 from planner.output.figures import svg_of
 from planner.output.palette import SERIES, dash_lengths, limit_colour
 from planner.profile import make_profile
+from planner.programs.program_text import ProgramText
 from planner.programs.times import LineTimes, times_at
 from planner.verify import Report
 
@@ -319,6 +321,36 @@ def cornered(tmp_path_factory):
     return folder / "r.html", slow
 
 
+class TestPlayback:
+    def test_frames_are_those_of_the_plan(self, facts, profile):
+        found, frames = facts["playback"], Playback.of(profile, feedplan.page._MAX_FRAMES)
+        assert unpacked(found["t"]).tolist() == frames.t.tolist()
+        position = np.stack([unpacked(column) for column in found["position"]], axis=1)
+        assert position == pytest.approx(frames.position, rel=1e-6)
+        assert unpacked(found["feed"]) == pytest.approx(frames.feed, rel=1e-6)
+        assert (found["position_error_mm"], found["feed_error_mm_s"]) == (frames.position_error, frames.feed_error)
+
+    def test_a_program_has_text_and_feed_of_its_lines(self, tmp_path):
+        file = tmp_path / "umlaut.ngc"
+        file.write_bytes(
+            "N1 G21 G90 G64 P0.01\nN2 G0 X0 Y0\nN30 G1 X20 F1200 (f\u00fcr </script> & <b>)\nG0 Y9\nM2\n".encode(
+                "cp1252"
+            )
+        )
+        assert command_line("plan", file, "--report", tmp_path / "r.html") == 0
+        lines = facts_of(tmp_path / "r.html")["lines"]
+        assert unpacked(lines["first"]).tolist() == [3, 4]
+        assert unpacked(lines["feed"]).tolist() == [20.0, np.inf]
+        assert unpacked(lines["text"]["number"]).tolist() == [3, 4]
+        assert lines["text"]["text"] == ["N30 G1 X20 F1200 (f\u00fcr </script> & <b>)", "G0 Y9"]
+        assert lines["text"]["n_word"] == ["N30", ""]
+
+    def test_without_their_times_no_lines_are_played(self, tmp_path, verdict):
+        played = PlayedLines(np.zeros(1), np.ones(1, dtype=int), np.ones(1), ProgramText(b"G1 X1"))
+        with pytest.raises(InputError, match="the lines of circle are to be played, but their times are not given"):
+            write_report(tmp_path / "r.html", verdict, played=played)
+
+
 class TestCorner:
     def test_the_page_has_its_picture(self, cornered):
         page, slow = cornered
@@ -345,6 +377,13 @@ class TestCorner:
         pictures = [base64.b64decode(corner["picture"].partition(",")[2]).decode() for corner in found]
         # Beside a joint path the page of a table shows the one that is made before its feed.
         assert [picture.count(SERIES[1].lower()) > 2 for picture in pictures] == [False, True]
+
+
+def command_line(*words):
+    """Exit code of a command."""
+    with pytest.raises(SystemExit) as stop:
+        app([str(word) for word in words], prog_name="feedplan")
+    return stop.value.code or 0
 
 
 class _Tags(HTMLParser):
@@ -408,11 +447,22 @@ class TestPage:
             dwell=one.copy(), tool_changes=one.astype(np.int8), rest=one.copy(), limit_names=profile.limit_names,
             start=np.arange(count) * duration / count, end=np.zeros((count, 9)), feed=one.copy(), highest_feed=one.copy(),
         )  # fmt: skip
-        write_report(tmp_path / "r.html", verdict, lines=lines)
+        text = ProgramText(b"".join(b"N%d G1 X%.4f Y%.4f Z%.4f\n" % (k, k, -k, k) for k in range(count)))
+        played = PlayedLines(lines.start, lines.line, FEED * one, text)
+        write_report(tmp_path / "r.html", verdict, lines=lines, played=played)
         size = (tmp_path / "r.html").stat().st_size
         assert 8e6 < size < 15e6
         found = facts_of(tmp_path / "r.html")
         assert found["lines"]["count"] == count
+        # A group of lines has no text, and no feed, of its own.
+        assert (found["lines"]["group"], found["lines"]["text"], found["lines"]["feed"]) == (5, None, None)
+        assert 10_000 < unpacked(found["playback"]["t"]).size <= feedplan.page._MAX_FRAMES
+        few = slice(0, 190_000)
+        some = PlayedLines(lines.start[few], lines.line[few], FEED * one[few], text)
+        assert feedplan.page._text_facts(some) is None
+        assert (
+            len(json.dumps(feedplan.page._text_facts(dataclasses.replace(some, line=some.line % 20_000 + 1)))) < 1.1e6
+        )
         assert unpacked(found["plan"]["t"]).size >= 40_000
         assert np.abs(unpacked(found["plan"]["high"]["feed"])).max() == pytest.approx(profile.feed.max(), rel=1e-4)
 
@@ -422,9 +472,13 @@ class TestPage:
         # time, u, s, binding, rapid and place; twice six quantities of the path and three of each axis
         plan = points * (8 + 8 + 4 + 1 + 1 + 4 * min(dim, 3) + 2 * 4 * (6 + 3 * dim))
         chords = feedplan.page._MAX_CHORDS * (8 + 2 * 4)
-        lines = feedplan.page._MAX_LINES * 3 * 4
+        frames = feedplan.page._MAX_FRAMES * (8 + 4 * min(dim, 3) + 4)
+        # first and last line, time, feed, and the number of a text
+        assert feedplan.page._LINE_BYTES == 5 * 4
+        assert feedplan.page._MAX_LINES * 4 * 4 * 4 / 3 < feedplan.page._LINES_BYTES
         assert points >= 20_000
-        assert (plan + chords + lines) * 4 / 3 < 14e6  # which leaves 1 MB for the text
+        # which leaves 1 MB for the rest
+        assert (plan + chords + frames) * 4 / 3 + feedplan.page._LINES_BYTES < 14e6
 
     def test_another_suffix_or_no_directory_is_refused(self, tmp_path, verdict):
         with pytest.raises(InputError, match=r'plan.pdf: the suffix "\.pdf" must be \.html or \.htm'):
@@ -502,7 +556,8 @@ def text_of(dom, name):
     return re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", found[2]).replace("&nbsp;", " ")).strip()
 
 
-# Acts as a person would: drags over the first panel, turns the wheel, asks for a line, and sorts the table.
+TOOL = 2.3456  # where the tool is put, s
+# Acts as a person would: drags over the first panel, turns the wheel, asks for a line, sorts the table, and plays.
 ACTS = """
 Element.prototype.setPointerCapture = () => {};
 const panel = document.querySelector("#charts .plot"), box = panel.getBoundingClientRect(), seen = {};
@@ -527,6 +582,32 @@ seen.sorted = [...byId("line-table").tBodies[0].rows].map((row) => Number(row.ce
 byId("limits").tBodies[0].rows[0].click();
 seen.limit = view.at;
 seen.hidden = ["tolerances", "corner"].map((id) => getComputedStyle(byId(id)).display);
+const shown = () => Object.fromEntries([...byId("tool").children].map((item) => item.textContent).map((text, k) =>
+  [byId("tool").children[k].firstChild.textContent, byId("tool").children[k].lastChild.textContent]));
+const key = (id, name, more = {}) =>
+  byId(id).dispatchEvent(new KeyboardEvent("keydown", { key: name, ...more, bubbles: true }));
+zoomTo(0, duration);
+byId("time").value = String(TOOL);
+byId("time").dispatchEvent(new Event("input"));
+drawAll();
+seen.slid = [view.tool, shown()];
+key("playback", "ArrowRight"); seen.right = view.tool;
+key("path", "ArrowLeft"); seen.left = view.tool;
+key("path", "ArrowRight", { shiftKey: true }); seen.nextLine = view.tool;
+key("path", "ArrowLeft", { shiftKey: true }); seen.lineBefore = view.tool;
+key("playback", "End"); seen.end = view.tool;
+send("pointerdown", 1.5); send("pointerup", 1.5); seen.clicked = view.tool;
+const canvas = byId("path").getBoundingClientRect(), spot = parts[0].project(Math.floor(plan.t.length / 3));
+for (const kind of ["pointerdown", "pointerup"])
+  byId("path").dispatchEvent(
+    new PointerEvent(kind, { ...mouse, clientX: canvas.left + spot[0], clientY: canvas.top + spot[1] }));
+seen.onPath = [view.tool, plan.t[Math.floor(plan.t.length / 3)]];
+byId("speed").value = "0.5"; byId("speed").dispatchEvent(new Event("change"));
+toolTo(1.0);
+key("playback", " ");
+player.last = 0; playFrame(50); seen.played = [player.on, view.tool, byId("play").textContent];
+toolTo(duration); playFrame(60); seen.stopped = [player.on, view.tool, byId("play").textContent];
+zoomTo(1.0, 1.2); toolTo(2.0); seen.follows = [view.from, view.to];
 document.body.dataset.seen = JSON.stringify(seen);
 """
 
@@ -537,7 +618,9 @@ def dom(page):
     folder = page.parent
     name = json.dumps(NASTY).replace("<", "\\u003c")
     text = page.read_text("utf-8").replace('"name":"circle"', f'"name":{name}')
-    (folder / "handled.html").write_text(text.replace("</body>", f"<script>{ACTS}</script></body>"), "utf-8")
+    (folder / "handled.html").write_text(
+        text.replace("</body>", f"<script>{ACTS.replace('TOOL', str(TOOL))}</script></body>"), "utf-8"
+    )
     return opened(folder / "handled.html", folder, "--dump-dom", place=f"#at={AT}")
 
 
@@ -592,6 +675,39 @@ class TestBrowser:
         assert f"1 {rows[1].seconds:.4f} \N{MINUS SIGN}" in text
         assert "50 no plan" in text
         assert "<b>" not in re.search(r'id="tolerance-notes".*?</p>', dom, re.DOTALL)[0]
+
+    def test_the_tool_is_where_the_slider_says(self, seen, profile):
+        at, shown = seen["slid"]
+        assert at == TOOL
+        state = profile.at(TOOL)
+        place = CIRCLE.derivatives(np.array([float(state.u)]), 0)[0][0]
+        assert float(shown["time"].removesuffix(" s")) == pytest.approx(TOOL, abs=1e-4)
+        feed, _, per_second = shown["feed"].partition(" mm/min, ")
+        assert float(feed) == pytest.approx(60.0 * float(state.feed), abs=6.5)
+        assert float(per_second.removesuffix(" mm/s")) == pytest.approx(float(state.feed), abs=0.11)
+        numbers = [float(shown[axis].removesuffix(" mm").replace("\N{MINUS SIGN}", "-")) for axis in "XY"]
+        assert numbers == pytest.approx(place, abs=2e-3)
+        assert int(shown["line"]) == 10 + 2 * int(state.s / (CIRCLE.length / 40))
+        nearest = int(np.argmin(np.abs(profile.t - TOOL)))
+        assert shown["held back by"] == profile.limit_names[profile.binding[nearest]].replace("none", "no limit")
+
+    def test_the_tool_goes_where_keys_and_clicks_put_it(self, seen, profile):
+        step = 0.005 * profile.duration
+        assert seen["right"] == pytest.approx(TOOL + step)
+        assert seen["left"] == pytest.approx(TOOL)
+        starts = times_at(profile, FORTIETHS)
+        assert seen["nextLine"] == pytest.approx(starts[starts > TOOL][0], abs=1e-5)
+        assert seen["lineBefore"] == pytest.approx(starts[starts < TOOL][-1], abs=1e-5)
+        assert seen["end"] == profile.duration
+        assert seen["clicked"] == pytest.approx(1.5, abs=0.01)
+        assert seen["onPath"][0] == pytest.approx(seen["onPath"][1], abs=0.01)
+
+    def test_it_plays_at_the_speed_that_is_set_and_stops_at_the_end(self, seen, profile):
+        assert seen["played"] == [True, pytest.approx(1.0 + 0.5 * 0.05), "Pause"]
+        assert seen["stopped"] == [False, profile.duration, "Play"]
+        start, end = seen["follows"]
+        assert end - start == pytest.approx(0.2)
+        assert start < 2.0 < end
 
     def test_it_answers_to_hands(self, seen, profile):
         assert seen["dragged"] == pytest.approx([1.0, 2.0], abs=0.01)
