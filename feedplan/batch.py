@@ -154,8 +154,7 @@ class _BatchRun(Generic[T]):
             self.report()
             ready, _ = wait(self.running, timeout=_TICK, return_when=FIRST_COMPLETED)
             reason = self.pool.lost()
-            # In the order in which they were handed out, not in that of a set: the same tasks are tried again in the
-            # same order.
+            # In the order in which they were handed out, not in that of a set: so are their second tries.
             for future in [one for one in self.running if one in ready]:
                 self.collect(future, reason)
             if reason:

@@ -246,7 +246,7 @@ def timed(parcel: Parcel) -> CaseTime:
             tools.write_bytes(parcel.tools[1])
             names[str(tools)] = parcel.tools[0]
         try:
-            return CaseTime.of(time_program(program, parcel.machine, tools=tools, **parcel.options))
+            return CaseTime.of(time_program(program, parcel.machine, tools=tools, without_jerk=False, **parcel.options))
         except FeedrateError as error:
             text = str(error)
             for path, name in names.items():

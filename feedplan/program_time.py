@@ -20,7 +20,7 @@ from feedplan.job import Job, load_job
 from feedplan.limit_costs import LimitCost, limit_costs
 from feedplan.sources import Pairs, require_program
 from feedplan.tolerances import ToleranceTime
-from planner.errors import InputError
+from planner.errors import FeedrateError, InputError
 from planner.machine.program_setup import RestTimes
 from planner.programs.line_table import write_line_times
 from planner.programs.operations import Division, SectionTime, operation_sections, tool_sections
@@ -65,8 +65,12 @@ class ProgramTime:
         In the order of the run; without comments on operations these are the tools.
     named : bool
         The operations are those of comments.
-    lines, without_jerk : LineTimes
-        Every line, with the limits of the machine, and without its jerk limit.
+    lines : LineTimes
+        Every line, with the limits of the machine.
+    without_jerk : LineTimes or None
+        The same without its jerk limit; None where nobody asked, or no such plan was found.
+    why_none : str
+        Why there is none; empty where there is one, or nobody asked.
     jerk_limited : bool
         The machine has a jerk limit.
     shares : mapping of str to float
@@ -102,7 +106,8 @@ class ProgramTime:
     tools: tuple[SectionTime, ...]
     named: bool
     lines: LineTimes
-    without_jerk: LineTimes
+    without_jerk: LineTimes | None
+    why_none: str
     jerk_limited: bool
     shares: Mapping[str, float]
     saved_by_one_percent: Mapping[str, float]
@@ -135,8 +140,8 @@ class ProgramTime:
 
     @property
     def jerk_share(self) -> float:
-        """What the jerk limit costs, as a share of the time without it; nan where that is 0."""
-        least = self.without_jerk.moving
+        """What the jerk limit costs, as a share of the time without it; nan where that is 0 or not known."""
+        least = 0.0 if self.without_jerk is None else self.without_jerk.moving
         return self.motion_s / least - 1.0 if least > 0.0 else math.nan
 
     def write_lines(self, file: Path) -> None:
@@ -150,6 +155,7 @@ def time_program(
     *,
     tool_change_s: float | None = None,
     costs: bool = False,
+    without_jerk: bool = True,
     progress: Progress | None = None,
     **options: Any,
 ) -> ProgramTime:
@@ -164,6 +170,8 @@ def time_program(
         Time of a tool change, s, in place of what the machine file says.
     costs : bool
         Also plan the program with each limit raised, which takes as long for each as the plan itself.
+    without_jerk : bool
+        Also plan its path without a jerk limit, for what this limit costs.
     progress : callable, optional
         Is told what is being done.
     options
@@ -182,17 +190,26 @@ def time_program(
     say = progress or _silent
     job = load_job(program, machine, **options)
     text = ProgramText.read(program)
-    profile = plain = job.plan(say)
-    if job.limits.has_jerk:
-        say("planning without a jerk limit", None)
-        # A plan with a jerk limit is also one without.
-        plain = min(job.without_jerk().plan(say), profile, key=lambda plan: plan.duration)
+    profile = job.plan(say)
+    plain = _without_jerk(job, profile, say) if without_jerk else ""
     say("checking the plan", None)
     report = job.check(profile)
     rests = job.rests if change is None else replace(job.rests, tool_change=change)
     tools = options.get("tools") or (None if job.setup is None else job.setup.tools)
     worth = limit_costs(job, profile, progress=progress) if costs else ()
-    return _program_time(str(program), job, (profile, plain), report, _Sources(text, rests, tools, worth))
+    return _program_time(str(program), job, profile, plain, report, _Sources(text, rests, tools, worth))
+
+
+def _without_jerk(job: Job, profile: FeedrateProfile, say: Progress) -> FeedrateProfile | str:
+    """The plan without a jerk limit, or why there is none: it only tells what the limit costs."""
+    if not job.limits.has_jerk:
+        return profile
+    say("planning without a jerk limit", None)
+    try:
+        # A plan with a jerk limit is also one without.
+        return min(job.without_jerk().plan(say), profile, key=lambda plan: plan.duration)
+    except FeedrateError as error:
+        return str(error)
 
 
 @dataclass(frozen=True)
@@ -206,7 +223,7 @@ class _Sources:
 
 
 def _program_time(
-    program: str, job: Job, plans: tuple[FeedrateProfile, FeedrateProfile], report: Report, given: _Sources
+    program: str, job: Job, profile: FeedrateProfile, plain: FeedrateProfile | str, report: Report, given: _Sources
 ) -> ProgramTime:
     from feedplan.verdict import program_facts
     from feedplan.verdict_text import machine_pair, program_pairs
@@ -214,8 +231,7 @@ def _program_time(
     path, source = job.path, job.program
     if path is None or source is None:
         raise AssertionError("only a part program has lines")
-    profile = plans[0]
-    times, without = (job.line_times(plan, given.rests) for plan in plans)
+    times = job.line_times(profile, given.rests)
     edges = move_edges(path, profile)
     run = Schedule.of(source, np.diff(edges), given.rests)
     names = tool_names(source, given.text, None if given.tools is None else read_tool_table(given.tools))
@@ -246,7 +262,8 @@ def _program_time(
         tools=timed(by_tool),
         named=by_operation is not None,
         lines=times,
-        without_jerk=without,
+        without_jerk=None if isinstance(plain, str) else job.line_times(plain, given.rests),
+        why_none=plain if isinstance(plain, str) else "",
         jerk_limited=job.limits.has_jerk,
         shares=profile.shares(),
         saved_by_one_percent=dict(profile.saved_by_one_percent),

@@ -99,7 +99,7 @@ def _main_limit(shares: Mapping[str, float]) -> str:
 def _line_table(found: ProgramTime, shown: int) -> list[str]:
     """Lay the longest lines out, with what the others take together and the total."""
     times, without = found.lines, found.without_jerk
-    taken, least = times.seconds + times.rest, without.seconds + without.rest
+    taken = times.seconds + times.rest
     # Lines of which the same time is shown stand in the order of the program.
     order = np.argsort(-np.round(taken, _DIGITS), kind="stable")
     count = min(shown, order.size)
@@ -112,12 +112,17 @@ def _line_table(found: ProgramTime, shown: int) -> list[str]:
         "text": [],
         "starts": ["" if k < 0 else f"{times.start[k]:.2f}" for k in single],
         "seconds": [f"{math.fsum(taken[group]):.{_DIGITS}f}" for group in groups],
-        "no jerk\nlimit": [f"{math.fsum(least[group]):.{_DIGITS}f}" for group in groups],
+        "no jerk\nlimit": [],
         "feed\nmm/min": [
             "" if k < 0 or not times.seconds[k] else f"{_MINUTE * times.mean_feed[k]:.0f}" for k in single
         ],
         "held back by": ["" if k < 0 or not times.seconds[k] else _limit_of(times, k) for k in single],
     }
+    if without is None:
+        del columns["no jerk\nlimit"]
+    else:
+        least = without.seconds + without.rest
+        columns["no jerk\nlimit"] = [f"{math.fsum(least[group]):.{_DIGITS}f}" for group in groups]
     used = sum(max(map(len, [*head.split("\n"), *cells])) + 2 for head, cells in columns.items() if head != "text")
     room = max(width() - used, _MIN_TEXT)
     columns["text"] = ["" if k < 0 else _cut(found.text.shown(int(times.line[k])), room) for k in single]
@@ -167,6 +172,8 @@ def _cost(found: ProgramTime) -> str:
     """What the jerk limit costs against the least time of the same path without one."""
     if not found.jerk_limited:
         return "none is set: the times are the least that the accelerations allow"
+    if found.without_jerk is None:
+        return f"what it costs is not known: {found.why_none}" if found.why_none else "what it costs was not asked for"
     least = found.without_jerk.moving
     return (
         f"costs {found.motion_s - least:.4g} s or {100.0 * found.jerk_share:.1f}% of the {least:.6g} s that the "
@@ -189,8 +196,8 @@ def time_facts(found: ProgramTime) -> dict[str, Any]:
         "spindle_starts": found.spindle_starts,
         "spindle_start_s": found.rests.spindle_start,
         "waits": found.waits,
-        "without_jerk_limit_s": found.without_jerk.moving,
-        "jerk_limit_costs": found.jerk_share,
+        "without_jerk_limit_s": None if found.without_jerk is None else found.without_jerk.moving,
+        "jerk_limit_costs": None if math.isnan(found.jerk_share) else found.jerk_share,
         "held_back_by": dict(found.shares),
         "saved_by_one_percent_s": dict(found.saved_by_one_percent),
         "costs": [
@@ -238,7 +245,8 @@ def _line_facts(found: ProgramTime) -> list[dict[str, Any]]:
     columns["held_back_by"] = [times.limit_names[k] for k in times.binding]
     for name in [name for name in columns if name.endswith("feed_mm_min")]:
         columns[name] = [value or None for value in columns[name]]
-    columns["without_jerk_limit_s"] = found.without_jerk.seconds.tolist()
+    least = found.without_jerk
+    columns["without_jerk_limit_s"] = [None] * times.line.size if least is None else least.seconds.tolist()
     columns["n_word"] = [found.text.number_word(line) for line in columns["line"]]
     columns["text"] = [found.text.shown(line) for line in columns["line"]]
     return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from cases import PROGRAMS
 
-from feedplan.job import load_job
+from feedplan.job import Job, load_job
 from feedplan.program_time import time_program
 from feedplan.time_text import clock, time_facts, time_text
-from planner import InputError
+from planner import InputError, SolverError
 
 MILL = """\
 feed_mm_s = 100.0
@@ -94,3 +94,48 @@ def test_another_process_can_have_it(found):
 )
 def test_clock(seconds, text):
     assert clock(seconds) == text
+
+
+class TestWithoutJerk:
+    """The plan without a jerk limit only tells what the limit costs: where there is none, the time of the program stands."""
+
+    def test_a_path_without_such_a_plan(self, tmp_path, monkeypatch):
+        monkeypatch.setattr(Job, "without_jerk", lambda job: _Refusing())
+        file = tmp_path / "back.ngc"
+        file.write_text("G21 G90 F600\nG0 X0 Y0\nG1 X10\nG1 X2\nG1 X4 Y1\nM2\n")
+        found = time_program(file, "mill")
+        assert found.ok
+        assert found.without_jerk is None
+        assert found.why_none == "no such plan"
+        assert np.isnan(found.jerk_share)
+        assert flat_text(found).endswith("jerk limit what it costs is not known: no such plan")
+        assert "no jerk" not in flat_text(found)
+        facts = time_facts(found)
+        assert (
+            facts["without_jerk_limit_s"]
+            is facts["jerk_limit_costs"]
+            is facts["lines"][0]["without_jerk_limit_s"]
+            is None
+        )
+        found.write_lines(tmp_path / "lines.csv")
+        assert "without_jerk_limit_s" not in (tmp_path / "lines.csv").read_text()
+
+    def test_a_reversal_and_a_sharp_turn_have_a_time(self, tmp_path):
+        file = tmp_path / "back.ngc"
+        file.write_text("G21 G90 G0 X0 Y0\nF600\nG1 X10\nG1 X1\nG1 X3 Y3\nM2\n")
+        assert time_program(file, "mill").motion_s < 2.367  # of the path made before its feed
+
+    def test_it_is_not_planned_where_nobody_asks(self, files, monkeypatch):
+        monkeypatch.setattr(Job, "without_jerk", lambda job: pytest.fail("planned"))
+        found = time_program(files / "part.ngc", files / "mill.toml", without_jerk=False)
+        assert found.without_jerk is None
+        assert flat_text(found).endswith("jerk limit what it costs was not asked for")
+
+
+class _Refusing:
+    def plan(self, progress):
+        raise SolverError("no such plan")
+
+
+def flat_text(found):
+    return " ".join(" ".join(time_text(found)).split())
