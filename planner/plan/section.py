@@ -27,7 +27,7 @@ from planner.geometry.continuity import Break
 from planner.geometry.curve import Curve
 from planner.geometry.differential import chain_rule, inverse_derivatives, speed_derivatives
 from planner.machine.limits import Limits
-from planner.plan.ends import REST, End, Feed, Free
+from planner.plan.ends import REST, End, Feed, Free, Rest
 from planner.plan.rest_map import BLEND_LENGTH, covered, share_of_blend, slopes
 from planner.plan.stops import exact_stops
 from planner.types import FloatArray
@@ -75,6 +75,11 @@ class Section:
     def has_prescribed_feed(self) -> bool:
         """A feed is prescribed at one of the ends."""
         return isinstance(self.start, Feed) or isinstance(self.end, Feed)
+
+    @property
+    def continues(self) -> bool:
+        """It begins with a feed and an acceleration, as another plan left them, and ends at rest."""
+        return isinstance(self.start, Feed) and self.start.acceleration is not None and isinstance(self.end, Rest)
 
     @property
     def y_start(self) -> float:

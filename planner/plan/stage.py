@@ -188,6 +188,10 @@ class Stage:
             problem = replace(problem, cap=np.minimum(problem.cap, holds.caps(points_of(grid.sigma, inner))))
         return cls(grid, problem, _node_counts(task, grid), speed, holds)
 
+    def begun_anyhow(self) -> Stage:
+        """The same without what is prescribed at the start."""
+        return replace(self, problem=replace(self.problem, start=np.nan, start_slope=np.nan))
+
     @cached_property
     def _full(self) -> NDArray[np.bool_]:
         """Intervals (n - 1,) that are not empty."""

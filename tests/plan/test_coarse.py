@@ -68,6 +68,28 @@ def test_where_the_even_grid_cannot_tell_the_switches_there_is_a_third_solve(sol
     assert len(solves) == 5
 
 
+def test_a_plan_that_continues_another_is_solved_in_any_state_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    solve, starts, iterations = Stage.solve, [], []
+
+    def watched(self: Stage, *arguments: Any) -> Any:
+        found = solve(self, *arguments)
+        starts.append((self.problem.start, self.problem.start_slope))
+        iterations.append(found.work.iterations)
+        return found
+
+    monkeypatch.setattr(Stage, "solve", watched)
+    curve = load_curve("hypotrochoid", scale=10.0)
+    plan = plan_feedrate(curve, DRIVES, start_feed=40.0, start_acceleration=-100.0, intervals=1000)
+    assert np.isnan(starts[0]).all()
+    assert not np.isnan(starts[1:]).any()
+    assert iterations[0] < 25
+    assert plan.feed[0] == pytest.approx(40.0, rel=1e-9)
+    assert plan.acceleration[0] == pytest.approx(-100.0, rel=1e-6)
+    starts.clear()
+    plan_feedrate(curve, DRIVES, start_feed=40.0, intervals=1000)
+    assert not np.isnan([start for start, _ in starts]).any()
+
+
 def test_a_plan_that_midpoints_do_not_serve_begins_from_the_same_coarse_plan(
     solves: list[tuple[int, int]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
