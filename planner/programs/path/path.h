@@ -23,6 +23,15 @@ void tube_add_transposed(int64_t count, int64_t width, int64_t dim, const int64_
 /* Write the product of the symmetric band and x (n) into out (n). */
 void tube_apply_band(int64_t depth, int64_t n, const double *band, const double *x, double *out);
 
+/* Minimise 1/2 x . objective x over x (n), where every row keeps |rows[k] . x - offset[k]| <= 1 or pays for what is beyond,
+ * from x, in place; of x the numbers frozen (frozen_count) stay as they are.  The objective is a band (width, n).
+ * work holds as many numbers as tube_solve_work says.  Returns the number of iterations. */
+int64_t tube_solve(int64_t count, int64_t width, int64_t dim, const int64_t *first, const double *rows,
+                   const double *offset, int64_t n, const double *objective, int64_t frozen_count, const int64_t *frozen,
+                   double *x, double *work);
+
+int64_t tube_solve_work(int64_t count, int64_t width, int64_t n);
+
 /* Write the distance of each point (n, dim) to the blocks between abscissa - window and abscissa + window (n) into out
  * (n). Block i runs from edges[i] to edges[i + 1] along its leg: vectors (blocks, 4, dim), rates (blocks, 2), and where some are
  * stretches of curves ways (blocks, 3).  Curves: as for bezier_at. */

@@ -27,7 +27,6 @@ within the tolerance (tangential slip, samples), hence the accepted curve is the
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -35,18 +34,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.compiled import core
-from planner.geometry.differential import dot
 from planner.types import FloatArray
 
 DEGREE = 4
 _SAMPLES = (1.0 / 6.0, 0.5, 5.0 / 6.0)  # of an interval
 _OCTAGON = float(np.cos(np.pi / 8.0))
 SLIP = 2.0  # tangential half-width, in tolerances
-_GAP = 1e-4
-_MAX_ITERATIONS = 60
-_TO_BOUNDARY = 0.99
-_PENALTY = 1e3
-_BOOSTS = (0.0, 1e-13, 1e-11, 1e-9)
 _ROWS_AT_VERTICES = 6  # of an interval at first
 
 
@@ -194,22 +187,6 @@ class _TubeRows:
         order = np.argsort(first, kind="stable")
         return cls(first[order], np.ascontiguousarray(stacked[order]), offset[order], dim)
 
-    def values(self, control: FloatArray) -> FloatArray:
-        """a_k . c - offset."""
-        return self.products(control) - self.offset
-
-    def products(self, x: FloatArray) -> FloatArray:
-        """a_k . x."""
-        out = np.empty(self.first.size)
-        core.tube_apply_rows(*self.rows.shape, self.dim, self.first, self.rows, np.ascontiguousarray(x), out)
-        return out
-
-    def transposed(self, y: FloatArray, size: int) -> FloatArray:
-        """sum_k y_k a_k."""
-        out = np.zeros(size)
-        core.tube_add_transposed(*self.rows.shape, self.dim, self.first, self.rows, np.ascontiguousarray(y), out)
-        return out
-
 
 def _normals(tangent: FloatArray) -> tuple[list[FloatArray], float]:
     """Unit normals of the tangents (m, d), and the share of the tolerance that each may use."""
@@ -293,152 +270,14 @@ def _interior_point(
     tube: Tube, rows: _TubeRows, objective: FloatArray, control: FloatArray, fixed: NDArray[np.intp]
 ) -> int:
     """Minimise over the control points in place; returns the number of iterations."""
-    dim, size = rows.dim, control.size
-    frozen = (fixed[:, None] * dim + np.arange(dim)).reshape(-1)
+    frozen = (fixed[:, None] * rows.dim + np.arange(rows.dim)).reshape(-1).astype(np.int64)
     # Scaled so that moving by the tolerance is felt like one unit of the objective.
     scale = 1.0 / float(np.median(objective[0]) * np.median(tube.half_width) ** 2)
-    objective = objective * scale
-    x = control.reshape(-1)
-    gradient = np.empty(size)
-    core.tube_apply_band(*objective.shape, objective, x, gradient)
-    value = rows.values(control)
-    state = _TubeIterate.start(value, 0.5 * float(dot(gradient, x)))
-    for count in range(1, _MAX_ITERATIONS + 1):
-        dual = gradient + rows.transposed(state.z1 - state.z2, size)
-        dual[frozen] = 0.0
-        band = objective.copy()
-        core.tube_add_rows(*rows.rows.shape, dim, rows.first, rows.rows, state.curvature(), size, band)
-        solve = _factor(band, frozen)
-        if solve is None:
-            return count
-        # predictor
-        rhs, offsets = state.condense(value, 0.0, None)
-        dx = solve(-dual - rows.transposed(rhs, size), frozen)
-        affine = state.step(rows.products(dx), offsets)
-        reach_p, reach_d = state.lengths(affine, 1.0)
-        gap = state.gap
-        after = state.gap_after(affine, reach_p, reach_d)
-        centring = min(1.0, max((after / gap) ** 3, 1e-5))
-        # corrector
-        rhs, offsets = state.condense(value, centring * gap / (3.0 * state.e.size), affine)
-        dx = solve(-dual - rows.transposed(rhs, size), frozen)
-        step = state.step(rows.products(dx), offsets)
-        reach_p, reach_d = state.lengths(step, _TO_BOUNDARY)
-        x += reach_p * dx
-        state.advance(step, reach_p, reach_d)
-        value = rows.values(control)
-        core.tube_apply_band(*objective.shape, objective, x, gradient)
-        cost = 0.5 * float(dot(gradient, x))
-        if state.gap <= _GAP * max(cost, 1e-12) and state.infeasibility(value) <= 1e-6:
-            return count
-    return _MAX_ITERATIONS
-
-
-def _factor(band: FloatArray, frozen: NDArray[np.intp]) -> Callable[[FloatArray, NDArray[np.intp]], FloatArray] | None:
-    """Factor the Newton system, frozen unknowns left out; None where rounding has the better of it."""
-    from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
-
-    for j in frozen:
-        for i in range(1, band.shape[0]):
-            band[i, j] = 0.0
-            if j - i >= 0:
-                band[i, j - i] = 0.0
-        band[0, j] = 1.0
-    for boost in _BOOSTS:  # what rounding takes from the smallest pivots
-        try:
-            raised = band.copy()
-            raised[0] *= 1.0 + boost
-            factor = cholesky_banded(raised, lower=True, overwrite_ab=True, check_finite=False)
-            break
-        except LinAlgError:
-            continue
-    else:
-        return None
-
-    def solve(rhs: FloatArray, frozen: NDArray[np.intp]) -> FloatArray:
-        rhs[frozen] = 0.0
-        return np.asarray(cho_solve_banded((factor, True), rhs, check_finite=False))
-
-    return solve
-
-
-class _TubeIterate:
-    """Slacks s1 = 1 + e - r and s2 = 1 + e + r, elastics e and the multipliers z1, z2, y of the rows, all positive."""
-
-    def __init__(self, s1: FloatArray, s2: FloatArray, e: FloatArray, z1: FloatArray, z2: FloatArray, price: float):
-        self.s1, self.s2, self.e, self.z1, self.z2 = s1, s2, e, z1, z2
-        self.price = price
-        self.y = np.full(e.size, price)
-
-    @classmethod
-    def start(cls, value: FloatArray, cost: float) -> _TubeIterate:
-        """Strictly inside, complementarity the share of each row in the objective."""
-        e = np.maximum(np.abs(value) - 0.9, 0.0) + 0.01
-        mu = max(cost, 1e-8) / (2.0 * value.size)
-        s1, s2 = 1.0 + e - value, 1.0 + e + value
-        z1, z2 = mu / s1, mu / s2
-        price = _PENALTY * max(float(np.max(z1 + z2)), cost, 1e-8)
-        return cls(s1, s2, e, z1, z2, price)
-
-    @property
-    def gap(self) -> float:
-        """Sum of all complementarity products."""
-        return float(dot(self.s1, self.z1) + dot(self.s2, self.z2) + dot(self.e, self.y))
-
-    def infeasibility(self, value: FloatArray) -> float:
-        """Largest violation of the definitions of the slacks."""
-        return float(np.abs(self.s1 - (1.0 + self.e - value)).max(initial=0.0))
-
-    def curvature(self) -> FloatArray:
-        """D_k: what is left of a row's complementarity when its slacks and its elastic are eliminated."""
-        d1, d2 = self.z1 / self.s1, self.z2 / self.s2
-        return d1 + d2 - (d1 - d2) ** 2 / (d1 + d2 + self.y / self.e)
-
-    def condense(
-        self, value: FloatArray, mu: float, affine: tuple[FloatArray, ...] | None
-    ) -> tuple[FloatArray, tuple[FloatArray, ...]]:
-        """Right-hand side of every row, and what the back-substitution needs."""
-        m1, m2, m3 = mu - self.s1 * self.z1, mu - self.s2 * self.z2, mu - self.e * self.y
-        if affine is not None:
-            ds1, ds2, de, dz1, dz2, dy = affine
-            m1, m2, m3 = m1 - ds1 * dz1, m2 - ds2 * dz2, m3 - de * dy
-        p1 = value - 1.0 - self.e + self.s1
-        p2 = -value - 1.0 - self.e + self.s2
-        py = self.price - self.z1 - self.z2 - self.y
-        d1, d2 = self.z1 / self.s1, self.z2 / self.s2
-        g1, g2 = (m1 + self.z1 * p1) / self.s1, (m2 + self.z2 * p2) / self.s2
-        total = d1 + d2 + self.y / self.e
-        h0, h1 = (m3 / self.e + g1 + g2 - py) / total, (d1 - d2) / total
-        return g1 - g2 - (d1 - d2) * h0, (p1, p2, py, g1, g2, h0, h1, d1, d2)
-
-    def step(self, dr: FloatArray, parts: tuple[FloatArray, ...]) -> tuple[FloatArray, ...]:
-        """Steps of s1, s2, e, z1, z2, y that go with the step dr of the rows."""
-        p1, p2, py, g1, g2, h0, h1, d1, d2 = parts
-        de = h0 + h1 * dr
-        dz1, dz2 = g1 + d1 * (dr - de), g2 - d2 * (dr + de)
-        return -p1 - dr + de, -p2 + dr + de, de, dz1, dz2, py - dz1 - dz2
-
-    def lengths(self, step: tuple[FloatArray, ...], fraction: float) -> tuple[float, float]:
-        """Primal and dual step lengths that stay positive."""
-        ds1, ds2, de, dz1, dz2, dy = step
-
-        def longest(pairs: list[tuple[FloatArray, FloatArray]]) -> float:
-            fall = max(float(np.max(-d / x, initial=0.0)) for x, d in pairs)
-            return min(1.0, fraction / fall) if fall > 0.0 else 1.0
-
-        return (
-            longest([(self.s1, ds1), (self.s2, ds2), (self.e, de)]),
-            longest([(self.z1, dz1), (self.z2, dz2), (self.y, dy)]),
+    count, width = rows.rows.shape
+    return int(
+        core.tube_solve(
+            *(count, width, rows.dim, rows.first, rows.rows, rows.offset),
+            *(control.size, objective * scale, frozen.size, frozen),
+            *(control, np.empty(core.tube_solve_work(count, width, control.size))),
         )
-
-    def gap_after(self, step: tuple[FloatArray, ...], primal: float, dual: float) -> float:
-        """Sum of the products after a step."""
-        ds1, ds2, de, dz1, dz2, dy = step
-        pairs = ((self.s1, ds1, self.z1, dz1), (self.s2, ds2, self.z2, dz2), (self.e, de, self.y, dy))
-        return float(sum(dot(a + primal * da, b + dual * db) for a, da, b, db in pairs))
-
-    def advance(self, step: tuple[FloatArray, ...], primal: float, dual: float) -> None:
-        """Take the step."""
-        ds1, ds2, de, dz1, dz2, dy = step
-        self.s1, self.s2, self.e = self.s1 + primal * ds1, self.s2 + primal * ds2, self.e + primal * de
-        self.z1, self.z2, self.y = self.z1 + dual * dz1, self.z2 + dual * dz2, self.y + dual * dy
+    )

@@ -5,6 +5,7 @@ import path_reference as reference
 import pytest
 from scipy.interpolate import BSpline
 from scipy.optimize import minimize
+from tube_reference import DenseRows, interior_point
 
 from planner.compiled import core
 from planner.programs.path.stretch import reachable
@@ -219,3 +220,41 @@ class TestCompiled:
         reference.apply_band(band, x, expected := np.empty(n))
         assert found.tobytes() == expected.tobytes()
         np.testing.assert_allclose(found, whole @ x, atol=1e-9)
+
+    @pytest.mark.parametrize("dim", [2, 3])
+    @pytest.mark.parametrize("seed", range(6))
+    def test_the_interior_point_method_is_that_of_dense_rows(self, dim: int, seed: int) -> None:
+        """Rows that bind, rows that none can keep, frozen numbers: the same iterations, and the same point."""
+        rng = np.random.default_rng([dim, seed])
+        controls, count, width = 40, 150, 5 * dim
+        n = controls * dim
+        first = np.sort(rng.integers(0, controls - 4, count)).astype(np.int64)
+        rows = rng.normal(size=(count, width))
+        offset = rng.normal(scale=3.0, size=count)
+        offset[::50] += 40.0 * (seed % 2)
+        band = np.zeros((width, n))
+        core.tube_add_rows(count, width, dim, first, rng.normal(size=(count, width)), rng.random(count), n, band)
+        band[0] += 0.1
+        frozen = np.concatenate([np.arange(dim * (seed % 4)), np.arange(n - dim, n)]).astype(np.int64)
+        x = rng.normal(size=n)
+        expected = x.copy()
+        iterations = interior_point(DenseRows(first, rows, offset, dim, n), band, expected, frozen)
+        work = np.full(core.tube_solve_work(count, width, n), np.nan)
+        found = core.tube_solve(
+            *(count, width, dim, first, rows, offset, n, band, frozen.size, frozen, solved := x.copy(), work)
+        )
+        assert found == iterations
+        assert 5 < found < 60
+        np.testing.assert_allclose(solved, expected, rtol=1e-6, atol=1e-7)
+        assert (solved[frozen] == x[frozen]).all()
+        assert np.abs(DenseRows(first, rows, offset, dim, n).values(solved)).max() > 0.9
+
+    def test_a_system_that_is_not_positive_ends_the_iteration(self) -> None:
+        count, width, n = 3, 10, 20
+        first, rows, offset = np.arange(count), np.zeros((count, width)), np.zeros(count)
+        band, x = np.zeros((width, n)), np.ones(n)
+        band[0] = -1.0
+        work = np.empty(core.tube_solve_work(count, width, n))
+        none = np.empty(0, dtype=np.int64)
+        assert core.tube_solve(count, width, 2, first, rows, offset, n, band, 0, none, x, work) == 1
+        assert (x == 1.0).all()
