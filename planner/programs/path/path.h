@@ -40,6 +40,15 @@ void deviation_to_blocks(int64_t blocks, int64_t dim, const double *edges, const
                          const int64_t *first_curve_panel, const double *curve_edges, const double *curve_panels,
                          int64_t n, const double *points, const double *abscissa, const double *window, double *out);
 
+/* Write the places (n, dim) of a quartic spline at s (n): knots (spans + 1) and ascending powers (spans, dim, 5) of the share
+ * of a span. */
+void spline_places(int64_t spans, int64_t dim, const double *knots, const double *powers, int64_t n, const double *s,
+                   double *out);
+
+/* Write the distance of each of points (n, dim) to that spline near s (n), within [lo, hi] (n), into out (n). */
+void spline_distances(int64_t spans, int64_t dim, const double *knots, const double *powers, int64_t n,
+                      const double *points, const double *s, const double *lo, const double *hi, double *out);
+
 /* Choose the vertices that stay: kept (blocks + 1) becomes 1 at these.
  *
  * points (blocks + 1, dim) are the vertices.  rows (blocks, 6) hold of every block its length, the distance of its

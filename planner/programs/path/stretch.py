@@ -17,7 +17,7 @@ from planner.geometry.chain import span_derivatives
 from planner.machine.limits import Limits
 from planner.plan.guess import GROWTH_ACCELERATION, GROWTH_JERK
 from planner.programs.path import tube_knots as knotting
-from planner.programs.path.deviation import Programmed, foot_distance, refined_peaks, samples_between
+from planner.programs.path.deviation import Programmed, refined_peaks, samples_between
 from planner.programs.path.tube import SLIP, Spline, Tube, greville, samples_of, smoothest
 from planner.types import FloatArray
 
@@ -215,7 +215,7 @@ def _fit_window(
         iterations += spline.iterations
         s, away = _measure(spline, moving, rest, programmed, stretch)
         worst = int(np.argmax(away))
-        powers = _all_axes(spline, moving, rest)
+        powers = spline.in_axes(moving, rest).powers
         measured = float(away[worst]), float(s[worst])
         found = Fitted(spline.knots, powers, stretch.tolerance, *measured, count, iterations)
         settled = count > _REWEIGHTINGS and away[worst] <= _SETTLED * stretch.tolerance
@@ -343,20 +343,15 @@ def _measure(
     s = samples_between(edges, max(2, _DENSITY * spline.knots.size // edges.size))
     reach = 8.0 * stretch.tolerance + 2.0 * float(np.diff(spline.knots).max())
 
-    def curve(at: FloatArray) -> FloatArray:
-        d = np.zeros((3, at.size, moving.size))
-        d[0] = rest
-        d[:, :, moving] = spline.derivatives(at)[:3]
-        return d
-
+    whole = spline.in_axes(moving, rest)
     after_entry = stretch.start + (0.0 if stretch.entry is None else _ENTRY * stretch.tolerance)
 
     def from_path(at: FloatArray) -> FloatArray:
-        return programmed.distance(curve(at)[0], at, np.full(at.size, reach)) / stretch.share_at(at)
+        return programmed.distance(whole.places(at), at, np.full(at.size, reach)) / stretch.share_at(at)
 
     def from_program(at: FloatArray) -> FloatArray:
         lo, hi = np.maximum(at - reach, stretch.start), np.minimum(at + reach, stretch.end)
-        away = foot_distance(curve, programmed.at(at)[0], at, lo, hi) / stretch.share_at(at)
+        away = whole.distances(programmed.at(at)[0], at, lo, hi) / stretch.share_at(at)
         # The nearest point may lie in the window before; the whole path is measured again when it is complete.
         return np.where(at >= after_entry, away, 0.0)
 
@@ -368,14 +363,6 @@ def _measure(
     away = np.concatenate([np.maximum(values[1], values[2]), *(height for _, height in peaks)])
     order = np.argsort(every, kind="stable")
     return every[order], away[order]
-
-
-def _all_axes(spline: Spline, moving: NDArray[np.bool_], rest: FloatArray) -> FloatArray:
-    """Powers (n, dim, 5) in all axes, those at rest included."""
-    powers = np.zeros((spline.powers.shape[0], moving.size, spline.powers.shape[2]))
-    powers[:, :, 0] = rest
-    powers[:, moving] = spline.powers
-    return powers
 
 
 def _refine(

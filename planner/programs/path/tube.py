@@ -95,6 +95,26 @@ class Spline:
         width = (self.knots[i + 1] - self.knots[i])[:, None]
         return span_derivatives(self.powers[i], (s - self.knots[i])[:, None] / width, width)
 
+    def in_axes(self, moving: NDArray[np.bool_], rest: FloatArray) -> Spline:
+        """The same in all axes, those at rest included, where ``rest`` (dim,) tells."""
+        powers = np.zeros((self.powers.shape[0], moving.size, self.powers.shape[2]))
+        powers[:, :, 0] = rest
+        powers[:, moving] = self.powers
+        return Spline(self.knots, powers, self.control, self.iterations)
+
+    def places(self, s: FloatArray) -> FloatArray:
+        """Positions (n, d) at s (n,)."""
+        out = np.empty((s.size, self.powers.shape[1]))
+        core.spline_places(*self.powers.shape[:2], self.knots, self.powers, s.size, s, out)
+        return out
+
+    def distances(self, points: FloatArray, s: FloatArray, lo: FloatArray, hi: FloatArray) -> FloatArray:
+        """Distances (n,) of points (n, d) near s (n,), within [lo, hi]: as :func:`deviation.foot_distance`."""
+        out = np.empty(s.size)
+        points = np.ascontiguousarray(points)
+        core.spline_distances(*self.powers.shape[:2], self.knots, self.powers, s.size, points, s, lo, hi, out)
+        return out
+
 
 def full_knots(knots: FloatArray) -> FloatArray:
     """The knot vector with its ends repeated, (n + 9,)."""

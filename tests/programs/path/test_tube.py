@@ -8,8 +8,9 @@ from scipy.optimize import minimize
 from tube_reference import DenseRows, interior_point
 
 from planner.compiled import core
+from planner.programs.path.deviation import foot_distance
 from planner.programs.path.stretch import reachable
-from planner.programs.path.tube import DEGREE, Tube, basis_powers, full_knots, greville, samples_of, smoothest
+from planner.programs.path.tube import DEGREE, Spline, Tube, basis_powers, full_knots, greville, samples_of, smoothest
 from planner.programs.path.tube_knots import onto, place, spacing_at
 from planner.programs.reading.noise import noise_amplitude
 
@@ -258,3 +259,34 @@ class TestCompiled:
         none = np.empty(0, dtype=np.int64)
         assert core.tube_solve(count, width, 2, first, rows, offset, n, band, 0, none, x, work) == 1
         assert (x == 1.0).all()
+
+    @pytest.mark.parametrize("dim", [2, 3])
+    def test_places_and_distances_are_those_of_the_search_in_numpy(self, dim: int) -> None:
+        """Points near and far, on knots, at the ends of what they may reach: rounding apart the same feet."""
+        rng = np.random.default_rng(dim)
+        knots = random_knots(dim, 30)
+        control = np.column_stack([greville(knots), *rng.normal(scale=0.5, size=(dim - 1, knots.size + 3))])
+        powers = np.einsum(
+            "nip,nid->ndp", basis_powers(knots), control[np.arange(knots.size - 1)[:, None] + np.arange(5)]
+        )
+        spline = Spline(knots, np.ascontiguousarray(powers), control, 0)
+        s = np.concatenate([rng.uniform(knots[0], knots[-1], 400), knots])
+        np.testing.assert_allclose(spline.places(s), spline.derivatives(s)[0], atol=1e-12)
+        points = spline.derivatives(s)[0] + rng.normal(scale=0.02, size=(s.size, dim))
+        near = np.clip(s + rng.uniform(-0.1, 0.1, s.size), knots[0], knots[-1])
+        lo, hi = np.maximum(near - 0.3, knots[0]), np.minimum(near + 0.3, knots[-1])
+        found = spline.distances(points, near, lo, hi)
+        expected = foot_distance(lambda at: spline.derivatives(at)[:3], points, near, lo, hi)
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-13)
+        dense = spline.derivatives((lo[:, None] + (hi - lo)[:, None] * np.linspace(0.0, 1.0, 200)).reshape(-1))[0]
+        least = np.sqrt(((dense.reshape(s.size, 200, dim) - points[:, None]) ** 2).sum(axis=2)).min(axis=1)
+        assert np.median(np.abs(found - least)) < 1e-3
+        assert (found > least - 1e-2).all()
+
+    def test_axes_at_rest_are_put_beside_those_that_move(self) -> None:
+        rng = np.random.default_rng(0)
+        spline = Spline(random_knots(0, 5), rng.normal(size=(4, 2, 5)), np.empty(0), 0)
+        whole = spline.in_axes(np.array([True, False, True]), np.array([0.0, 7.0, 0.0]))
+        places = whole.places(spline.knots)
+        assert (places[:, 1] == 7.0).all()
+        assert (places[:, [0, 2]] == spline.places(spline.knots)).all()
