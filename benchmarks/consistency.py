@@ -265,7 +265,7 @@ def main() -> int:
                 drawn |= {"LinuxCNC": found} if shown else {}
     console.print(results_table(rows))
     if options.figure is not None:
-        save_plot(passes_figure(drawn), options.figure)
+        save_plot(options.figure, passes_figure(drawn))
     if options.output is not None:
         hardware = {"platform": platform.platform(), "cores": os.cpu_count(), "python": platform.python_version()}
         facts = {"feedplan": __version__, "hardware": hardware, "rows": rows}

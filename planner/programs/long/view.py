@@ -17,8 +17,7 @@ from planner.programs.path.joint_runs import FoundRun, find_run
 from planner.programs.path.measure import Written
 from planner.programs.path.moves import MovingBlocks
 from planner.programs.path.separate_path import MARGIN, SHORT_REST, blocks_between, classified, tube_stretches
-from planner.programs.path.stretch import OVERLAP, Fitted, Stretch, fit
-from planner.programs.path.tube_knots import place as knots_of
+from planner.programs.path.stretch import OVERLAP, Fitted, Stretch, fit, knots_of
 from planner.programs.reading.program import part_of
 from planner.types import FloatArray
 
@@ -140,7 +139,7 @@ class View:
             if stretch.start >= end - BESIDE:
                 break
             is_open = stretch.end > self.known and not self.is_last and np.isinf(end)
-            if is_open and _knots(stretch) < _MIN_KNOTS:
+            if is_open and knots_of(stretch, self.blocks.programmed).size < _MIN_KNOTS:
                 end = stretch.start
                 break
             narrowed = replace(stretch, tolerance=share * stretch.tolerance)
@@ -194,7 +193,9 @@ class View:
         allowed = self.blocks.tolerance[row:after]
         most = float(allowed.max())
         parts = most, self.edges[row : after + 1], allowed / most
-        bridge = Stretch(start, end, (False, halts and end == fence), none, none, none, none, *parts, entry)
+        bridge = Stretch(
+            start, end, (False, halts and end == fence), none, none, none.astype(np.bool_), none, none, *parts, entry
+        )
         return [bridge, *stretches]
 
     def _split(self, stretch: Stretch, fitted: Fitted, junctions: Junctions, reasons: dict[int, str]) -> list[Stretch]:
@@ -234,7 +235,3 @@ def _at_edges(place: FloatArray, edges: FloatArray) -> FloatArray:
     k = np.clip(np.searchsorted(edges, place), 1, edges.size - 1)
     nearest = np.where(place - edges[k - 1] < edges[k] - place, edges[k - 1], edges[k])
     return np.clip(np.where(np.abs(place - nearest) < _ROUNDING, nearest, place), 0.0, edges[-1])
-
-
-def _knots(stretch: Stretch) -> int:
-    return int(knots_of(stretch.start, stretch.end, stretch.at, stretch.spacing, stretch.sharp).size)

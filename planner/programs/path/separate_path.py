@@ -16,6 +16,7 @@ from planner.geometry.chain import ChainCurve, Kind
 from planner.machine.limits import Limits
 from planner.programs.path import tube_knots as knotting
 from planner.programs.path.absorb import Absorbed
+from planner.programs.path.chord_curvature import curvature_of_chords
 from planner.programs.path.corners import Junction, Junctions, blends_at, classify
 from planner.programs.path.feeds import caps_of_blocks
 from planner.programs.path.measure import LinePlace
@@ -24,7 +25,7 @@ from planner.programs.path.splice import Placed
 from planner.programs.path.stretch import Fitted, Stretch, fit
 from planner.programs.reading.program import part_of
 from planner.quantity import AXIS
-from planner.types import FloatArray
+from planner.types import BoolArray, FloatArray
 
 # How far a tube goes on beyond its first and last junction, where the blocks are long, mm.  The knot spacing has grown
 # to its largest by then.
@@ -131,7 +132,7 @@ def tube_stretches(
     new = np.concatenate([[True], (np.diff(after) > 0) | (np.diff(s[features]) > 2.0 * MARGIN + SHORT_REST)])
     begin = np.flatnonzero(new)
     end = np.append(begin[1:], features.size) - 1
-    spacing = _spacing(blocks, junctions)
+    spacing, chords = _spacing(blocks, junctions)
     out = []
     for i, j in zip(begin, end, strict=True):
         lo, hi = left[i], right[i]
@@ -142,12 +143,13 @@ def tube_stretches(
         inside = slice(features[i], features[j] + 1)
         vertices = s[inside]
         at, wanted = _with_arcs(blocks, spacing[inside], vertices, start, finish)
+        of_chords = np.isin(at, vertices[chords[inside]])
         sharp = vertices[junctions.turn[inside] > knotting.SHARP]
         first, last = blocks_between(edges, start, finish)
         allowed = blocks.tolerance[first:last]
         most = float(allowed.max())
         parts = edges[first : last + 1], allowed / most
-        out.append(Stretch(float(start), float(finish), rests, at, wanted, vertices, sharp, most, *parts))
+        out.append(Stretch(float(start), float(finish), rests, at, wanted, of_chords, vertices, sharp, most, *parts))
     return out
 
 
@@ -157,12 +159,15 @@ def blocks_between(edges: FloatArray, start: float, end: float) -> tuple[int, in
     return first, int(np.clip(np.searchsorted(edges, end, side="left"), first + 1, edges.size - 1))
 
 
-def _spacing(blocks: MovingBlocks, junctions: Junctions) -> FloatArray:
-    """Knot spacing wanted at every junction."""
+def _spacing(blocks: MovingBlocks, junctions: Junctions) -> tuple[FloatArray, BoolArray]:
+    """Knot spacing wanted at every junction, and which are those of chords."""
     length = np.diff(blocks.programmed.edges)
     allowed = np.minimum(blocks.tolerance[:-1], blocks.tolerance[1:])
     density = junctions.turn / (0.5 * (length[:-1] + length[1:]))
-    return knotting.spacing_at(junctions.turn, junctions.bend, density, np.maximum(allowed, 1e-9))
+    smooth = (junctions.kind <= Junction.TUBE) & (junctions.turn < knotting.SHARP)
+    curvature, chords = curvature_of_chords(blocks.programmed, smooth, junctions.turn, allowed)
+    allowed = np.maximum(allowed, 1e-9)
+    return knotting.spacing_at(junctions.turn, junctions.bend, density, curvature, allowed), chords
 
 
 def _with_arcs(

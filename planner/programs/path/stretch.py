@@ -19,7 +19,7 @@ from planner.plan.guess import GROWTH_ACCELERATION, GROWTH_JERK
 from planner.programs.path import tube_knots as knotting
 from planner.programs.path.deviation import Programmed, refined_peaks, samples_between
 from planner.programs.path.tube import SLIP, Spline, Tube, greville, samples_of, smoothest
-from planner.types import FloatArray
+from planner.types import BoolArray, FloatArray
 
 WINDOW, OVERLAP = 2000, 80  # knots
 _MAX_PASSES = 12
@@ -48,6 +48,8 @@ class Stretch:
         The path rests at the start, at the end.
     at, spacing : (n,) arrays
         Junctions (and places on arcs) inside and the knot spacing wanted there, mm.
+    chords : (n,) bool array
+        Which of them are junctions of chords of a curve.
     vertices : (k,) array
         Junctions inside.
     sharp : (j,) array
@@ -68,6 +70,7 @@ class Stretch:
     stops: tuple[bool, bool]
     at: FloatArray
     spacing: FloatArray
+    chords: BoolArray
     vertices: FloatArray
     sharp: FloatArray
     tolerance: float
@@ -85,8 +88,8 @@ class Stretch:
         stops = (self.stops[0] and entry is None, self.stops[1] or end < self.end)
         vertices, sharp = self.vertices[inside(self.vertices)], self.sharp[inside(self.sharp)]
         return replace(
-            self, start=start, end=end, stops=stops, at=self.at[at], spacing=self.spacing[at], vertices=vertices,
-            sharp=sharp, entry=entry,
+            self, start=start, end=end, stops=stops, at=self.at[at], spacing=self.spacing[at], chords=self.chords[at],
+            vertices=vertices, sharp=sharp, entry=entry,
         )  # fmt: skip
 
     def share_at(self, s: FloatArray) -> FloatArray:
@@ -150,6 +153,12 @@ class _TubeProgress:
         return self.narrowing[nearest]
 
 
+def knots_of(stretch: Stretch, programmed: Programmed) -> FloatArray:
+    """Where its knots go at first."""
+    wanted = stretch.at, stretch.spacing, stretch.sharp, stretch.chords
+    return knotting.place(stretch.start, stretch.end, *wanted, lambda s: np.asarray(programmed.at(s)[0]))
+
+
 def fit(stretch: Stretch, programmed: Programmed, limits: Limits, feed: FloatArray) -> Fitted:
     """Fit the smoothest curve within tolerance; the best one found, which the caller accepts or not.
 
@@ -162,7 +171,7 @@ def fit(stretch: Stretch, programmed: Programmed, limits: Limits, feed: FloatArr
     feed : (m,) array
         Feed cap of every block, mm/s.
     """
-    plan = knotting.place(stretch.start, stretch.end, stretch.at, stretch.spacing, stretch.sharp)
+    plan = knots_of(stretch, programmed)
     plan = knotting.onto(plan, programmed.edges[1:-1][feed[1:] != feed[:-1]])
     if plan.size <= WINDOW + 2 * OVERLAP:
         return _fit_window(stretch, plan, programmed, limits, feed)

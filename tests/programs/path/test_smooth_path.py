@@ -36,7 +36,7 @@ def brute_deviation(path, points, u, window):
     """Largest distance of the vertices of a polyline from the curve, each within a window of u, on a grid."""
     largest = 0.0
     for p, at in zip(points, u, strict=True):
-        grid = np.linspace(max(at - window, 0.0), min(at + window, path.curve.domain[1]), 400)
+        grid = np.linspace(max(at - window, 0.0), min(at + window, path.curve.domain[1]), 4001)
         away = np.sqrt(np.sum((path.curve.derivatives(grid, 0)[0] - p) ** 2, axis=1))
         largest = max(largest, float(away.min()))
     return largest
@@ -378,5 +378,5 @@ def test_the_share_of_a_tube_is_the_least_within_the_slip(back):
     if back:
         edges, share, s = 3.0 - edges[::-1], share[::-1], 3.0 - s
     none = np.empty(0)
-    tube = stretch.Stretch(0.0, 3.0, (True, True), none, none, none, none, 0.2, edges, share)
+    tube = stretch.Stretch(0.0, 3.0, (True, True), none, none, none.astype(bool), none, none, 0.2, edges, share)
     np.testing.assert_array_equal(tube.share_at(s), expected)

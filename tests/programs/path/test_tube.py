@@ -145,9 +145,13 @@ class TestKnots:
         assert np.abs(np.diff(width)).max() <= 0.6 * width.max()
 
     def test_rules(self):
-        found = spacing_at(np.array([0.1, 0.0, 0.0]), np.array([0.0, 0.2, 0.0]), np.zeros(3), np.full(3, 0.01))
+        found = spacing_at(
+            np.array([0.1, 0.0, 0.0]), np.array([0.0, 0.2, 0.0]), np.zeros(3), np.zeros(3), np.full(3, 0.01)
+        )
         assert found == pytest.approx([0.15, np.sqrt(0.3), 3.0])
-        assert spacing_at(np.array([0.1]), np.zeros(1), np.array([4.0]), np.array([1.0]))[0] == pytest.approx(0.1)
+        assert spacing_at(np.array([0.1]), np.zeros(1), np.array([4.0]), np.zeros(1), np.array([1.0]))[
+            0
+        ] == pytest.approx(0.1)
 
 
 def test_reachable_speed_from_rest():
