@@ -6,8 +6,6 @@
 #include <stddef.h>
 #include <string.h>
 
-enum { SEGMENT_WIDTH = 8 };
-
 /* Samples of which a run takes the points at once. */
 enum { TOGETHER = 8 };
 
@@ -29,19 +27,16 @@ static inline Place next_place(const double *segments, const double *pieces, con
                                Sample *at)
 {
     const double u_end = state[U_END];
-    at->k = smaller(at->k + 1.0, state[LAST]);
+    at->k = within(at->k + 1.0, 0.0, state[LAST]);
     if (at->k >= state[LAST]) {
         at->u = u_end;
         return (Place){NULL, 0.0};
     }
-    at->segment = row_at(segments, SEGMENT_WIDTH, period, at->k, at->segment);
-    const double *c = segments + at->segment * SEGMENT_WIDTH;
-    const double t = since(period, at->k, c[0]);
-    double w = c[1] + t * (c[2] + t * (c[3] + t * (c[4] + t * (c[5] + t * c[6]))));
-    w = smaller(larger(w, 0.0), 1.0);
-    const double *piece = piece_at(pieces, shape, (int64_t)c[7]);
-    /* A rounding must not report a parameter that falls back, or one beyond the end. */
-    at->u = smaller(larger(piece[0] + piece[1] * w, at->u), u_end);
+    at->segment = row_at(segments, SEGMENT_WIDTH, period, at->k, 0.0, at->segment);
+    const double *segment = segments + at->segment * SEGMENT_WIDTH;
+    const double w = local_parameter(segment, since(period, at->k, segment[0]));
+    const double *piece = piece_at(pieces, shape, (int64_t)segment[7]);
+    at->u = forward_parameter(piece, w, at->u, u_end);
     return (Place){piece, w};
 }
 

@@ -2,7 +2,7 @@
 #ifndef FEEDPLAN_STEP_INLINE_H
 #define FEEDPLAN_STEP_INLINE_H
 
-#include "planner/core.h"
+#include <stdint.h>
 
 /* Indices into the state. */
 enum {
@@ -19,6 +19,9 @@ enum {
     POWERS,      /* coefficients of a row */
     STATE_END    /* DIM numbers: the position at the end of the path; behind them, DIM numbers: the last sample */
 };
+
+/* A segment of the time law: its start time, a quintic, and the number of its curve piece. */
+enum { SEGMENT_WIDTH = 8 };
 
 /* Sizes of the curve pieces. */
 typedef struct {
@@ -46,12 +49,26 @@ static inline double since(Period period, double k, double start)
     return (k * period.high - start) + k * period.low;
 }
 
-/* Row that holds the time of sample k; rows stand width numbers apart, and the one before held row i. */
-static inline int64_t row_at(const double *rows, int64_t width, Period period, double k, int64_t i)
+/* x, or the nearer of the two ends; x where it is not a number. */
+static inline double within(double x, double lo, double hi)
 {
-    while (since(period, k, rows[(i + 1) * width]) >= 0.0)
+    x = lo > x ? lo : x;
+    return hi < x ? hi : x;
+}
+
+/* Row that holds the time k T + behind; rows stand width numbers apart, and the one before held row i. */
+static inline int64_t row_at(const double *rows, int64_t width, Period period, double k, double behind, int64_t i)
+{
+    while (since(period, k, rows[(i + 1) * width]) + behind >= 0.0)
         i++;
     return i;
+}
+
+/* Local parameter of the curve piece, t seconds after its segment began. */
+static inline double local_parameter(const double *segment, double t)
+{
+    const double *c = segment;
+    return within(c[1] + t * (c[2] + t * (c[3] + t * (c[4] + t * (c[5] + t * c[6])))), 0.0, 1.0);
 }
 
 static inline const double *piece_at(const double *pieces, Shape shape, int64_t piece)
@@ -65,6 +82,13 @@ static inline int64_t piece_of(const double *pieces, Shape shape, double u, int6
     while (u >= piece_at(pieces, shape, piece + 1)[0])
         piece++;
     return piece;
+}
+
+/* Curve parameter at a local one.  A rounding must not report one that falls back behind that of the sample before, or one
+   beyond the end. */
+static inline double forward_parameter(const double *piece, double w, double before, double u_end)
+{
+    return within(piece[0] + piece[1] * w, before, u_end);
 }
 
 static inline double horner(const double *row, int64_t powers, double w)

@@ -23,7 +23,7 @@ static inline Sample next_sample(int64_t order, const double *feed, const double
     }
     const Period period = period_of(state);
     const double before = at.k - 1.0;
-    at.row = row_at(feed, FEED_WIDTH, period, before, at.row);
+    at.row = row_at(feed, FEED_WIDTH, period, before, 0.0, at.row);
     const double *c = feed + at.row * FEED_WIDTH;
     const double t = since(period, before, c[0]);
     const Triple speeds = tip_speed(piece_at(pieces, shape, at.piece), shape, at.u, order);

@@ -73,7 +73,7 @@ static double step_by_parameter(const Replay *replay, Place *at, Triple speeds)
 /* The plan's feed at sample k; row is that of the sample before, and becomes that of k. */
 static double feed_of_sample(const Replay *replay, double k, int64_t *row)
 {
-    *row = row_at(replay->feed, FEED_WIDTH, replay->parts, k, *row);
+    *row = row_at(replay->feed, FEED_WIDTH, replay->parts, k, 0.0, *row);
     const double *c = replay->feed + *row * FEED_WIDTH;
     return feed_at(c, since(replay->parts, k, c[0]));
 }

@@ -17,6 +17,7 @@ from planner.quantity import AXIS, CHORD_ERROR, FEED, PATH, QUANTITIES, TANGENTI
 from planner.types import FloatArray
 
 DEFAULT_PERIOD = 1e-3  # of a controller, s
+MAX_RESERVE = 0.5  # of the jerk; more makes plans longer and no stop much shorter
 _MAX_AXES = len(AXES)
 _WIDTH = 100  # characters of a line of the repr
 # What besides the quantities is one number: the period (s), and the feed of rapids (mm/s).
@@ -200,6 +201,26 @@ class Limits:
         """Return the same limits with a part of each axis's acceleration."""
         return self._replace(acceleration=share * self.acceleration)
 
+    def with_reserve(self, reserve: float) -> Limits:
+        """Return what a plan may use of these limits, so that its feed can be overridden and held within them.
+
+        ``reserve``, 0 to 0.5, is what is left of every jerk limit; a third of it is left of every acceleration limit.
+        """
+        return self._with_shares(*reserve_shares(reserve))
+
+    def without_reserve(self, reserve: float) -> Limits:
+        """Return the limits of which :meth:`with_reserve` made these."""
+        acceleration, jerk = reserve_shares(reserve)
+        return self._with_shares(1.0 / acceleration, 1.0 / jerk)
+
+    def _with_shares(self, acceleration: float, jerk: float) -> Limits:
+        return self._replace(
+            acceleration=acceleration * self.acceleration,
+            jerk=jerk * self.jerk,
+            tangential_acceleration=acceleration * self.tangential_acceleration,
+            tangential_jerk=jerk * self.tangential_jerk,
+        )
+
     def with_period(self, period: float) -> Limits:
         """Return the same limits with another interpolation period, s."""
         return self._replace(period=period)
@@ -288,6 +309,22 @@ class Limits:
     def _replace(self, **changes: Any) -> Limits:
         names = (*SCALARS, *(q.key for q in AXIS), "axes")
         return Limits(**({name: getattr(self, name) for name in names} | changes))
+
+
+def reserve_shares(reserve: float) -> tuple[float, float]:
+    """Shares of the acceleration and of the jerk limits that a plan with a reserve for feed override uses.
+
+    Close to full rate the jerk that is left bounds how fast the rate begins to fall, the acceleration that is left how fast it
+    falls: a third as much of it is enough for both to be about equally tight.
+
+    Raises
+    ------
+    InputError
+        If the reserve does not lie within 0 and 0.5.
+    """
+    if not 0.0 <= reserve <= MAX_RESERVE:
+        raise InputError(f"override_reserve = {reserve!r} must lie within 0 and {MAX_RESERVE}; 0.1 is usual, 0 is none")
+    return 1.0 - reserve / 3.0, 1.0 - reserve
 
 
 def require_limits(curve: Curve, limits: Limits) -> Limits:
