@@ -29,13 +29,13 @@ from planner.types import FloatArray
 SUFFIX = ".fpr"
 MAGIC = b"FEEDPLAN"
 VERSION = 1
-_ORDER = 0x01020304
-_FRAME = struct.Struct("<8sIIQII")
-_COUNTS = struct.Struct("<8I")
-_NUMBERS = struct.Struct("<19d")
+ORDER = 0x01020304
+FRAME = struct.Struct("<8sIIQII")
+COUNTS = struct.Struct("<8I")
+NUMBERS = struct.Struct("<19d")
 _TEXTS = struct.Struct("<32s64s8x")
 HEADER_SIZE = 320
-_AXIS = struct.Struct("<8s8s")
+AXIS = struct.Struct("<8s8s")
 _MAX_LINE = 2**33
 
 
@@ -72,7 +72,7 @@ def plan_bytes(
     curve = profile.curve
     starts = _line_starts(lines)
     parts = [
-        _COUNTS.pack(
+        COUNTS.pack(
             table.dim,
             *table.pieces.shape[1:],
             table.pieces.shape[0] - 1,
@@ -81,7 +81,7 @@ def plan_bytes(
             governor is not None,
             0,
         ),
-        _NUMBERS.pack(
+        NUMBERS.pack(
             *(profile.duration, *table.u_range, own.period),
             *(own.feed, own.rapid, own.chord_error, own.tangential_acceleration, own.tangential_jerk),
             *(reserve, *reserve_shares(reserve)),
@@ -93,12 +93,12 @@ def plan_bytes(
             *_end_feeds(profile),
         ),
         _TEXTS.pack(curve.fingerprint.encode(), _text(curve.name, 63)),
-        *(_AXIS.pack(axis.encode(), unit.encode()) for axis, unit in zip(curve.axes, curve.axis_units, strict=True)),
+        *(AXIS.pack(axis.encode(), unit.encode()) for axis, unit in zip(curve.axes, curve.axis_units, strict=True)),
         *(np.ascontiguousarray(row, dtype="<f8").tobytes() for row in (own.velocity, own.acceleration, own.jerk)),
         *(np.ascontiguousarray(a, dtype="<f8").tobytes() for a in (table.ends, table.pieces, table.segments, starts)),
     ]
     body = b"".join(parts)
-    frame = _FRAME.pack(MAGIC, VERSION, _ORDER, _FRAME.size + len(body), zlib.crc32(body), 0)
+    frame = FRAME.pack(MAGIC, VERSION, ORDER, FRAME.size + len(body), zlib.crc32(body), 0)
     return frame + body
 
 
@@ -170,13 +170,13 @@ def read_plan_file(source: str | Path | bytes) -> PlanFile:
         If there is no such file, or the interpolator refuses it.
     """
     content = PlanStep(source).content  # checks every number of it
-    dim, rows, powers, pieces, segments, lines, governed, _ = _COUNTS.unpack_from(content, _FRAME.size)
-    numbers = _NUMBERS.unpack_from(content, _FRAME.size + _COUNTS.size)
+    dim, rows, powers, pieces, segments, lines, governed, _ = COUNTS.unpack_from(content, FRAME.size)
+    numbers = NUMBERS.unpack_from(content, FRAME.size + COUNTS.size)
     duration, *u_range, period, feed, rapid, chord, tangential_a, tangential_j, reserve = numbers[:10]
-    fingerprint, name = _TEXTS.unpack_from(content, _FRAME.size + _COUNTS.size + _NUMBERS.size)
-    axes = [_AXIS.unpack_from(content, HEADER_SIZE + _AXIS.size * j)[0].rstrip(b"\0").decode() for j in range(dim)]
+    fingerprint, name = _TEXTS.unpack_from(content, FRAME.size + COUNTS.size + NUMBERS.size)
+    axes = [AXIS.unpack_from(content, HEADER_SIZE + AXIS.size * j)[0].rstrip(b"\0").decode() for j in range(dim)]
     sizes = ((3, dim), (2, dim), (pieces + 1, rows, powers), (segments + 1, 8), (lines + 1, 2))
-    arrays, at = [], HEADER_SIZE + _AXIS.size * dim
+    arrays, at = [], HEADER_SIZE + AXIS.size * dim
     for shape in sizes:
         count = int(np.prod(shape))
         arrays.append(np.frombuffer(content, dtype="<f8", count=count, offset=at).astype(float).reshape(shape))

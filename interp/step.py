@@ -191,6 +191,11 @@ class PlanStep:
         """Whether the end is reached."""
         return self._looked(6) != 0.0
 
+    @property
+    def stop_room(self) -> float:
+        """Plan time, s, within which a governed plan stops from any state of its rate: see ``interp/stream.h``."""
+        return float(core.stop_room(self._plan, self.period))
+
     def snapshot(self) -> bytes:
         """What :meth:`restore` continues from, identically."""
         return self._state.tobytes()

@@ -270,7 +270,7 @@ def _refined(pieces: Pieces, breaks: FloatArray) -> FloatArray:
     width = np.diff(pieces.breaks)[owner]
     lo, scale = (breaks[:-1] - pieces.breaks[owner]) / width, np.diff(breaks) / width
     powers = pieces.powers.shape[2]
-    shifted = _expanded(pieces.powers[owner].transpose(2, 0, 1), lo[:, None])
+    shifted = expanded(pieces.powers[owner].transpose(2, 0, 1), lo[:, None])
     shifted *= scale[:, None] ** np.arange(powers)[:, None, None]
     return np.ascontiguousarray(shifted.transpose(1, 2, 0))
 
@@ -300,7 +300,7 @@ def _segments(profile: FeedrateProfile, breaks: FloatArray) -> FloatArray:
     local[0] -= breaks[piece]  # before the expansion: the difference of two close numbers is exact
     table = np.zeros((owner.size + 1, 8))
     table[:-1, 0] = begin
-    table[:-1, 1:7] = (_expanded(local, begin - t[i][owner]) / np.diff(breaks)[piece]).T
+    table[:-1, 1:7] = (expanded(local, begin - t[i][owner]) / np.diff(breaks)[piece]).T
     table[:-1, 7] = piece
     table[-1, 0] = np.inf
     return table
@@ -337,7 +337,7 @@ def _crossing(law: FloatArray, level: FloatArray, gap: FloatArray) -> FloatArray
     return 0.5 * (lo + hi)
 
 
-def _expanded(c: FloatArray, shift: FloatArray) -> FloatArray:
+def expanded(c: FloatArray, shift: FloatArray) -> FloatArray:
     """Coefficients of p(shift + x) in powers of x; the first axis of ``c`` counts the powers (Horner, synthetic)."""
     out = c.copy()
     size = out.shape[0]
