@@ -28,6 +28,7 @@ from planner.law import TimeLaw
 from planner.machine.limits import RAPID, SCALARS, Limits, require_limits
 from planner.machine.machine_toml import file_key
 from planner.origin import Origin
+from planner.output.table_curve import columns_on_curve, require_axes
 from planner.output.table_header import (
     OPTIONAL_KEYS,
     notes_of,
@@ -126,6 +127,9 @@ def write_table(path: str | Path, profile: FeedrateProfile, limits: Limits, *, r
 def read_table(path: str | Path, curve: Curve) -> FeedrateProfile:
     """Read a feedrate table back, equal to the plan that was written bit by bit.
 
+    A curve that another machine's rounding made is the same curve: every place of it agrees to 1e-12 of its size, and the plan
+    then runs on the curve given.
+
     Status, notes and origin are what the header says, and ``checked`` what the check said when the table was written.  Its
     lower bound is the table's word, and ``claim`` says so; the work that the plan took stands in no table.
 
@@ -152,11 +156,12 @@ def read_table(path: str | Path, curve: Curve) -> FeedrateProfile:
     wanted = ["t_s", "u", "s_mm", *_axis_columns(curve), *list(_ALONG)[1:], "binding", "u_rate", "u_acceleration"]
     with reading(path, _PLAN_FORMAT, _KEYS) as file:
         header = file.header
-        _require_curve(file, curve)
+        require_axes(file, curve)
         names = limit_names(curve.axes)
         _require_lines(file, {"axes": " ".join(curve.axes), "limit_names": ", ".join(names)})
         limits = _limits_of(file)
-        columns = file.columns(wanted, {"binding": names})
+        written = file.columns(wanted, {"binding": names})
+        columns = columns_on_curve(file, written, curve, _axis_columns(curve))
         _require_time_law(file, columns, curve)
         profile = FeedrateProfile(
             curve,
@@ -179,7 +184,7 @@ def read_table(path: str | Path, curve: Curve) -> FeedrateProfile:
         )
         _require_agreement(file, columns, profile, limits)
         _require_facts(file, profile)
-        file.require_rows(columns)
+        file.require_rows(written)
         file.require_only([*_KEYS, *OPTIONAL_KEYS, *(key for keys in _limit_keys(curve.axes).values() for key in keys)])
         return profile
 
@@ -267,16 +272,6 @@ def _limits_of(file: ColumnFile) -> Limits:
         return Limits(**values, axes=axes)
     except InputError as error:
         raise InputError(f"{file.path}: {error}") from None
-
-
-def _require_curve(file: ColumnFile, curve: Curve) -> None:
-    found = file.header["curve_hash"]
-    if found != curve.fingerprint:
-        raise InputError(
-            f"{file.path}: the table is for the curve {shorten(file.header['curve'])} (hash {shorten(found)[:12]}), not "
-            f"for {curve.name} (hash {curve.fingerprint[:12]}); give the curve, and the scale and tolerance, it was planned "
-            "with; a program that counts on homes or offsets of a machine file needs that file too (--setup)"
-        )
 
 
 def _require_time_law(file: ColumnFile, columns: Columns, curve: Curve) -> None:
