@@ -153,7 +153,9 @@ def values_of_axes(values: Mapping[str, float], axes: tuple[str, ...], what: str
     for axis in axes:
         if axis not in values:
             unit = "rad" if axis in ROTARY_AXES else "mm"
-            raise InputError(f"{what} per {unit} of {axis} are missing; give them for each of the axes {' '.join(axes)}")
+            raise InputError(
+                f"{what} per {unit} of {axis} are missing; give them for each of the axes {' '.join(axes)}"
+            )
     return np.array([float(values[axis]) for axis in axes])
 
 
@@ -193,9 +195,7 @@ def step_pulses(
     steps, counts = driver.steps_of(profile.curve.axes), first_counts(profile, driver)
     _require_room(profile, driver, steps, table)
     summary.pulses[:], summary.highest_hz[:] = [0] * table.dim, [0.0] * table.dim
-    axes = [
-        _AxisPulses(profile, table, driver, j, float(steps[j]), int(counts[j]), summary) for j in range(table.dim)
-    ]
+    axes = [_AxisPulses(profile, table, driver, j, float(steps[j]), int(counts[j]), summary) for j in range(table.dim)]
     window = _window(profile, steps)
     end = 0.0
     while end < profile.duration:

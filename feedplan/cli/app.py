@@ -57,6 +57,7 @@ Examples:
   feedplan sweep part.ngc --machine mill.toml --scale jerk=1,2,4
   feedplan windows long.ngc --machine mill.toml -o plan.npz
   feedplan ngc part.ngc --machine mill.toml --tolerance-mm 0.01 -o out.ngc
+  feedplan export table.csv butterfly-nurbs --counts-per-mm 10000 -o drives.csv
   feedplan report table.csv butterfly-nurbs -o report.html
   feedplan compare teardrop --machine mill.toml --plot compare.png
   feedplan calibrate logs/*.csv --machine start.toml -o machine.toml
@@ -76,6 +77,7 @@ _COMMANDS = (
     "time",
     "sweep",
     "ngc",
+    "export",
     "windows",
     "calibrate",
     "curves",

@@ -188,5 +188,7 @@ def test_a_table_of_a_program_is_read_with_another_libm(tmp_path, request):
 def test_a_path_found_with_its_feed_is_another_one_there(tmp_path, request):
     """The search for it makes um of last digits: that is said, and what to do."""
     _, again = program_and_again(tmp_path, request, "joint")
-    with pytest.raises(InputError, match=r"of a program as joint .* where rounding is the same; plan it .*--path separate"):
+    with pytest.raises(
+        InputError, match=r"of a program as joint .* where rounding is the same; plan it .*--path separate"
+    ):
         read_table(tmp_path / "table.csv", again)

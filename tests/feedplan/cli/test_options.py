@@ -12,7 +12,8 @@ from cases import PROJECT
 from planner import CATALOG
 
 OTHERS = {
-    f"feedplan.cli.{name}" for name in ("check", "replay", "compare", "report", "time", "ngc", "windows", "curves")
+    f"feedplan.cli.{name}"
+    for name in ("check", "replay", "compare", "report", "time", "ngc", "export", "windows", "curves")
 }
 
 

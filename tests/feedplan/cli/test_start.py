@@ -8,7 +8,7 @@ import sys
 import pytest
 from cases import PROGRAMS, PROJECT
 
-COMMANDS = ("plan", "check", "replay", "compare", "report", "time", "sweep", "ngc", "windows", "curves")
+COMMANDS = ("plan", "check", "replay", "compare", "report", "time", "sweep", "ngc", "export", "windows", "curves")
 # Each takes as long to load as planning a curve, or longer.
 UNUSED = (
     "casadi",
