@@ -4,14 +4,14 @@
     for block in step_pulses(profile, driver):
         send(block.tick, block.axis, block.up)
 
-A counter follows each axis: it goes up when S q(t) exceeds the counter by half a step, down when it falls short by as much, so
-that the counter is never further than half a step from the axis.  The times at which that happens are roots of the plan's own
-polynomials, found in C (``interp/pulses.c``); nothing is sampled, and no error accumulates.
+A counter follows each axis: it goes up when S q(t) exceeds the counter by half a step, down when it falls short by as
+much, so that the counter is never further than half a step from the axis.  The times at which that happens are roots of
+the plan's own polynomials, found in C (``interp/pulses.c``); nothing is sampled, and no error accumulates.
 
-Between two pulses of one direction the axis moves a whole step, so their frequency is at most S times the largest velocity of
-the axis.  Where an axis turns, the last pulse before and the first after it belong to one level and may be as close as one likes:
-the plan passed the level by next to nothing.  Such a pair is left out where the driver could not follow it and the level is
-passed by no more than ``MOST_EXCESS`` steps, which the summary tells; else the plan is refused.
+Between two pulses of one direction the axis moves a whole step, so their frequency is at most S times the largest velocity
+of the axis.  Where an axis turns, the last pulse before and the first after it belong to one level and may be as close as
+one likes: the plan passed the level by next to nothing.  Such a pair is left out where the driver could not follow it and
+the level is passed by no more than ``MOST_EXCESS`` steps, which the summary tells; else the plan is refused.
 
 Reference-pulse interpolation: Yusoff, thesis (2022), chapter 2; a digital differential analyser does the same by sums.
 """

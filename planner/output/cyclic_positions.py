@@ -1,14 +1,14 @@
 """Samples as target positions of drives in EtherCAT's cyclic synchronous position mode (CiA 402): CSV, one row a cycle.
 
 A row has the target position 0x607A of every axis in increments of the drive, a signed 32-bit integer: the position of the
-sample times increments per mm or rad, rounded to the nearest.  It is at most half an increment off, at every row, for each row
-is rounded by itself.  The velocity offset 0x60B1, increments per s, is the plan's own velocity then, not a difference of rows.
-There is no torque offset: that takes masses and frictions, which no plan knows.
+sample times increments per mm or rad, rounded to the nearest.  It is at most half an increment off, at every row, for each
+row is rounded by itself.  The velocity offset 0x60B1, increments per s, is the plan's own velocity then, not a difference
+of rows.  There is no torque offset: that takes masses and frictions, which no plan knows.
 
-What rounding does to differences of rows: with half an increment, 1 / (2 S), at each row, a velocity of them is off by up to
-1 / (S T), an acceleration by 2 / (S T^2) and a jerk by 4 / (S T^3); the header says these.  With 1e4 increments per mm and 1 ms
-the last is 4e5 mm/s^3, many times what a machine allows; it is noise of half an increment, which a drive's own position
-loop sees and its velocity offset does not.
+What rounding does to differences of rows: with half an increment, 1 / (2 S), at each row, a velocity of them is off by up
+to 1 / (S T), an acceleration by 2 / (S T^2) and a jerk by 4 / (S T^3); the header says these.  With 1e4 increments per mm
+and 1 ms the last is 4e5 mm/s^3, many times what a machine allows; it is noise of half an increment, which a drive's own
+position loop sees and its velocity offset does not.
 """
 
 from __future__ import annotations
@@ -70,8 +70,8 @@ def write_cyclic_positions(
     Raises
     ------
     InputError
-        If increments of an axis are missing or 0, a count leaves 32 bits, the period is none of 0x60C2, or the file cannot be
-        written.
+        If increments of an axis are missing or 0, a count leaves 32 bits, the period is none of 0x60C2, or the file cannot
+        be written.
     BrokenLimitError
         If the samples break a limit.  Then no file is written.
     """

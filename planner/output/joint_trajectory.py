@@ -1,10 +1,10 @@
 """A plan as a ROS 2 message ``trajectory_msgs/JointTrajectory`` in YAML.
 
-``joint_trajectory_controller`` runs through points that have position, velocity and acceleration by a quintic of time for each
-joint.  So the points stand at nodes of the plan, where its jerk may jump: between two nodes the plan is smooth, and the quintics
-are the plan to within a bound that is measured here.  Nodes are left out where the controller's quintics stay within
-``tolerance`` of the plan and their jerk within what the axes allow; the times are rounded to the nanoseconds of the message
-first, and the plan is evaluated at the rounded times.
+``joint_trajectory_controller`` runs through points that have position, velocity and acceleration by a quintic of time for
+each joint.  So the points stand at nodes of the plan, where its jerk may jump: between two nodes the plan is smooth, and
+the quintics are the plan to within a bound that is measured here.  Nodes are left out where the controller's quintics stay
+within ``tolerance`` of the plan and their jerk within what the axes allow; the times are rounded to the nanoseconds of the
+message first, and the plan is evaluated at the rounded times.
 
 Units are those of REP 103: m, rad, s.  What is written is read by ``yaml.safe_load`` and by ``ros2 topic pub --stdin``.
 """

@@ -127,8 +127,8 @@ def write_table(path: str | Path, profile: FeedrateProfile, limits: Limits, *, r
 def read_table(path: str | Path, curve: Curve) -> FeedrateProfile:
     """Read a feedrate table back, equal to the plan that was written bit by bit.
 
-    A curve that another machine's rounding made is the same curve: every place of it agrees to 1e-12 of its size, and the plan
-    then runs on the curve given.
+    A curve that another machine's rounding made is the same curve: every place of it agrees to 1e-12 of its size, and the
+    plan then runs on the curve given.
 
     Status, notes and origin are what the header says, and ``checked`` what the check said when the table was written.  Its
     lower bound is the table's word, and ``claim`` says so; the work that the plan took stands in no table.

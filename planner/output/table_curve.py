@@ -1,9 +1,10 @@
 """Whether a curve is the one that a table was planned on, by another machine's rounding too.
 
 Equal hashes are equal curves.  Where they differ, a curve that was made again on another machine (another libm, another
-compiler) is the same within its rounding: the rows of a table hold the place of the curve at every node of the plan, and where
-all of them are those of the curve to ``SAME_CURVE`` of its size, on as many nodes in each polynomial piece as determine it,
-the table is this curve's.  No further data is kept for that, so tables of earlier versions are compared alike.
+compiler) is the same within its rounding: the rows of a table hold the place of the curve at every node of the plan, and
+where all of them are those of the curve to ``SAME_CURVE`` of its size, on as many nodes in each polynomial piece as
+determine it, the table is this curve's.  No further data is kept for that, so tables of earlier versions are compared
+alike.
 
 A node on a break of the curve that was planned is put on the break of the curve that is given: a last digit beside it, it
 would be seen from the wrong side.  The law of time is otherwise read as it was written.
