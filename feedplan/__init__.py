@@ -46,6 +46,8 @@ if TYPE_CHECKING:
         taylor_step,
         track,
     )
+    from interp.pulse_file import PulseTrain, read_pulses, write_pulses
+    from interp.pulses import PulseBlock, PulseSummary, StepDriver, step_pulses
     from planner import (
         CATALOG,
         Break,
@@ -91,7 +93,9 @@ if TYPE_CHECKING:
     from planner.certificate import Certificate
     from planner.geometry.makers import formula, from_points, from_spline, nurbs
     from planner.output.certificate_file import read_certificate, write_certificate
+    from planner.output.cyclic_positions import write_cyclic_positions
     from planner.output.figures import save_plot
+    from planner.output.joint_trajectory import JointPoints, write_joint_trajectory
     from planner.output.plots import plot_plan
     from planner.output.table import write_samples
     from planner.plan.bounds import Bound
@@ -122,6 +126,7 @@ __all__ = [
     "InputError",
     "InterpolatorTable",
     "Job",
+    "JointPoints",
     "Limits",
     "LineTimes",
     "ProfileStates",
@@ -129,11 +134,15 @@ __all__ = [
     "ProgramPath",
     "ProgramPlan",
     "ProgramTime",
+    "PulseBlock",
+    "PulseSummary",
+    "PulseTrain",
     "Report",
     "Row",
     "Samples",
     "SolverError",
     "StalledError",
+    "StepDriver",
     "TaylorTable",
     "ToleranceTime",
     "Verdict",
@@ -167,11 +176,13 @@ __all__ = [
     "read_dxf",
     "read_points",
     "read_program",
+    "read_pulses",
     "read_table",
     "replay",
     "replay_form",
     "save_plot",
     "start",
+    "step_pulses",
     "table_limits",
     "taylor_step",
     "time_of_tolerances",
@@ -180,9 +191,12 @@ __all__ = [
     "verify_bound",
     "verify_plan_bound",
     "write_certificate",
+    "write_cyclic_positions",
+    "write_joint_trajectory",
     "write_line_times",
     "write_ngc",
     "write_program",
+    "write_pulses",
     "write_report",
     "write_samples",
     "write_table",
@@ -195,10 +209,14 @@ _HOME = {
     "feedplan.program_time": ("ProgramTime", "time_program"),
     "feedplan.tolerances": ("ToleranceTime", "time_of_tolerances"),
     "feedplan.verdict": ("Verdict",),
+    "interp.pulse_file": ("PulseTrain", "read_pulses", "write_pulses"),
+    "interp.pulses": ("PulseBlock", "PulseSummary", "StepDriver", "step_pulses"),
     "planner.certificate": ("Certificate",),
     "planner.geometry.makers": ("formula", "from_points", "from_spline", "nurbs"),
     "planner.output.certificate_file": ("read_certificate", "write_certificate"),
+    "planner.output.cyclic_positions": ("write_cyclic_positions",),
     "planner.output.figures": ("save_plot",),
+    "planner.output.joint_trajectory": ("JointPoints", "write_joint_trajectory"),
     "planner.output.plots": ("plot_plan",),
     "planner.output.table": ("write_samples",),
     "planner.plan.bounds": ("Bound",),

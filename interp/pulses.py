@@ -13,7 +13,8 @@ of the axis.  Where an axis turns, the last pulse before and the first after it 
 one likes: the plan passed the level by next to nothing.  Such a pair is left out where the driver could not follow it and
 the level is passed by no more than ``MOST_EXCESS`` steps, which the summary tells; else the plan is refused.
 
-Reference-pulse interpolation: Yusoff, thesis (2022), chapter 2; a digital differential analyser does the same by sums.
+Reference-pulse interpolation is what Yusoff's thesis (2022) plans for; there and in digital differential analysers the
+pulses come of sums over periods.
 """
 
 from __future__ import annotations
@@ -96,8 +97,12 @@ class StepDriver:
         return 1.0 / self.same
 
     def steps_of(self, axes: tuple[str, ...]) -> FloatArray:
-        """Steps per unit of axes, (dim,); InputError where they are missing, or of another axis."""
-        return values_of_axes(self.steps, axes, "steps")
+        """Steps per unit of axes, (dim,); InputError where those of one are missing."""
+        for axis in axes:
+            if axis not in self.steps:
+                unit = "rad" if axis in ROTARY_AXES else "mm"
+                raise InputError(f"steps per {unit} of {axis} are missing; give them for each of the axes {' '.join(axes)}")
+        return np.array([float(self.steps[axis]) for axis in axes])
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,20 +148,6 @@ class PulseSummary:
     highest_hz: list[float] = field(default_factory=list)
     error_steps: float = 0.5
     left_out: int = 0
-
-
-def values_of_axes(values: Mapping[str, float], axes: tuple[str, ...], what: str) -> FloatArray:
-    """One number for each of the axes, (dim,), by their names.
-
-    Raises InputError where that of an axis is missing, or an axis is named that there is not.
-    """
-    for axis in axes:
-        if axis not in values:
-            unit = "rad" if axis in ROTARY_AXES else "mm"
-            raise InputError(
-                f"{what} per {unit} of {axis} are missing; give them for each of the axes {' '.join(axes)}"
-            )
-    return np.array([float(values[axis]) for axis in axes])
 
 
 def first_counts(profile: FeedrateProfile, driver: StepDriver) -> IntArray:
