@@ -41,7 +41,7 @@ moves in that time.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -50,7 +50,7 @@ from planner.errors import SolverError
 from planner.joint.constant_jerk import arriving
 from planner.joint.exact_stop import Mesh, limits_along, stopping_motion, units_of
 from planner.joint.joint_run import JointMotion, JointRun
-from planner.joint.straight import along, seven_phases
+from planner.joint.straight import along, reachable_acceleration, seven_phases
 from planner.types import FloatArray, IntArray
 
 _GAP = 3e-5  # of the time
@@ -87,6 +87,9 @@ def solve_run(run: JointRun) -> JointMotion:
         raise SolverError("path and feed together: the run has arcs, for which it is not solved with one side alone")
     if run.lengths.size == 1 and not run.legs.curved[0]:
         return _straight(run)
+    # A limit beyond what is reached would set the units all the same, and the solver would find another motion, or none.
+    reached = reachable_acceleration(run.velocity, run.acceleration, run.jerk, float(run.feed.max()))
+    run = replace(run, acceleration=reached)
     failure = SolverError()
     for slowed, product in _ATTEMPTS:
         try:

@@ -30,6 +30,15 @@ def seven_phases(length: float, velocity: float, acceleration: float, jerk: floa
     return durations, jerk * np.array([1.0, 0.0, -1.0, 0.0, -1.0, 0.0, 1.0])
 
 
+def reachable_acceleration(velocity: FloatArray, acceleration: FloatArray, jerk: FloatArray, feed: float) -> FloatArray:
+    """The accelerations of the axes (d,) that a motion from rest to rest can have: their limits, or less at low speed.
+
+    An axis whose speed stays within +-V gains 2 V at most while its acceleration rises from 0 to a and falls to 0 again,
+    which takes a^2 / J: a^2 <= 2 V J.
+    """
+    return np.minimum(acceleration, np.sqrt(2.0 * np.minimum(velocity, feed) * jerk))
+
+
 def along(durations: FloatArray, jerks: FloatArray, t: FloatArray) -> FloatArray:
     """Way, speed, acceleration and jerk (4, k) at the times t (k,) of phases from rest; later ones at the end."""
     ends = np.concatenate([[0.0], np.cumsum(durations)])

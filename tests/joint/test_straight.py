@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from planner.joint.straight import along, seven_phases
+from planner.joint.straight import along, reachable_acceleration, seven_phases
 
 
 @pytest.mark.parametrize(
@@ -34,3 +34,17 @@ def test_limits_are_kept_and_one_is_always_used(seed):
 def test_infinite_velocity_and_acceleration_leave_the_jerk():
     durations, _ = seven_phases(2.0, np.inf, np.inf, 16000.0)
     assert durations.sum() == pytest.approx((32.0 * 2.0 / 16000.0) ** (1.0 / 3.0), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("velocity", "feed", "reached"), [(np.inf, 16.0, 800.0), (4.0, 16.0, 400.0), (np.inf, 25.0, 900.0)]
+)
+def test_an_acceleration_is_reached_where_the_speed_leaves_room_for_it(velocity, feed, reached):
+    """From -V to V and no farther: the acceleration rises with J to sqrt(2 V J), at V = 0, and falls again."""
+    limits = [np.array([value]) for value in (velocity, 900.0, 20000.0)]
+    found = reachable_acceleration(*limits, feed)
+    assert found == pytest.approx([reached])
+    if reached < 900.0:
+        speed = min(velocity, feed)
+        rise = found[0] / 20000.0
+        assert -speed + 20000.0 * rise**2 == pytest.approx(speed)  # two ramps of J rise^2 / 2

@@ -244,7 +244,9 @@ def _path_source(
         )
     shaped = Limits(limits.feed, **rows, axes=axes, rapid=limits.rapid)
     whole = limits.for_axes(axes, program.source)
-    reason = reason_of_machine(whole) if path == "joint" else ""
+    # Of its slowest move: the others are looked at run by run.
+    slowest = float(min(program.feed[program.lengths > 0.0].min(), whole.rapid))
+    reason = reason_of_machine(whole, min(slowest, whole.feed)) if path == "joint" else ""
     joint = whole if path == "joint" and not reason else None
     why = (f"the path is made separately from the feed: {reason}",) if reason else ()
     return PathSource(program, used, tolerance, shaped, joint), why

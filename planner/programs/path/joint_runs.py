@@ -20,6 +20,7 @@ from planner.geometry.curve import AXES, ROTARY_AXES
 from planner.geometry.differential import dot
 from planner.joint.joint_run import JointMotion, JointRun
 from planner.joint.solve import solve_run
+from planner.joint.straight import reachable_acceleration
 from planner.machine.limits import Limits
 from planner.programs.path.corners import Junction, Junctions
 from planner.programs.path.joint_pieces import JointPart, feet, pieces_of
@@ -136,8 +137,9 @@ def find_run(
     """Find path and feed of the run from one block to before another within a share of its tolerance, if it allows that."""
     # A line by itself is taken as it is, without the solver.
     alone = last == first + 1 and not blocks.programmed.legs.curved[first]
-    of_machine = _reason_of_limits if alone else reason_of_machine
-    reason = of_machine(limits) or _reason_of_blocks(blocks, junctions.kind, first, last)
+    fastest = float((_caps(blocks, limits)[first:last] * _per_feed(blocks)[first:last]).max())
+    of_machine = _reason_of_limits(limits) if alone else reason_of_machine(limits, fastest)
+    reason = of_machine or _reason_of_blocks(blocks, junctions.kind, first, last)
     if reason:
         return FoundRun(first, last, None, reason)
     try:
@@ -203,12 +205,12 @@ def _narrowed(
     return replace(run, part=None, reason=reason.format(share - 1.0))
 
 
-def reason_of_machine(limits: Limits) -> str:
-    """Why no run of a program but single lines is found jointly on a machine, if it is so."""
+def reason_of_machine(limits: Limits, feed: float) -> str:
+    """Why no run of a program but single lines is found jointly on a machine, up to this feed, mm/s, if it is so."""
     reason = _reason_of_limits(limits)
     if reason:
         return reason
-    if _may_exceed_chords(limits):
+    if _may_exceed_chords(limits, feed):
         return "the chord error limits the acceleration to less than the axes do"
     jerk = limits.jerk * scale_of(limits.axes)
     if jerk.max() > _MAX_APART * jerk.min():
@@ -226,10 +228,11 @@ def _reason_of_limits(limits: Limits) -> str:
     return ""
 
 
-def _may_exceed_chords(limits: Limits) -> bool:
-    """Whether the accelerations of the axes let the chord error be exceeded; on a curve ``osculating_limits`` tells."""
+def _may_exceed_chords(limits: Limits, feed: float) -> bool:
+    """Whether the accelerations that are reached let the chord error be exceeded; on a curve ``osculating_limits`` tells."""
     linear = [axis not in ROTARY_AXES for axis in limits.axes]
-    most = float(np.sqrt(np.sum(limits.acceleration[linear] ** 2)))
+    reached = reachable_acceleration(limits.velocity, limits.acceleration, limits.jerk, feed)
+    most = float(np.sqrt(np.sum(reached[linear] ** 2)))
     return most * limits.period**2 / 8.0 > limits.chord_error
 
 

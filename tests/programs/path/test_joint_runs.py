@@ -257,5 +257,25 @@ def test_the_jerks_of_axes_are_compared_as_they_count_a_degree_as_a_mm(jerk, joi
 def test_an_axis_that_turns_does_not_count_for_the_chord_error():
     axes = ("X", "Y", "A")
     limits = Limits(100.0, [250.0] * 3, [1000.0, 1000.0, 1e6], [20000.0, 20000.0, 1000.0], 2e-4, 1e-3, axes=axes)
-    assert reason_of_machine(limits) == ""
-    assert "chord error" in reason_of_machine(replace(limits, chord_error=1.7e-4))
+    assert reason_of_machine(limits, 100.0) == ""
+    assert "chord error" in reason_of_machine(replace(limits, chord_error=1.7e-4), 100.0)
+
+
+def test_an_acceleration_beyond_what_the_feed_lets_be_reached_changes_nothing():
+    """At 1000 mm/min and 20 000 mm/s^3 no axis gets beyond 816 mm/s^2; these runs of arcs and tiny lines are hard to solve."""
+    source, limits = read_program(PROGRAMS / "stops.ngc"), drives(dim=3, axes=AXES, chord_error=1e-3)
+    path, profile = planned(source, limits)
+    for factor in (1.5, 2.0, 10.0):
+        other, as_fast = planned(source, replace(limits, acceleration=factor * limits.acceleration))
+        assert other.counts["joint"] == path.counts["joint"] == path.counts["runs"]
+        assert as_fast.duration == pytest.approx(profile.duration, rel=1e-9)
+
+
+@pytest.mark.parametrize("feed", [0.5, 3.0, 60.0])
+def test_a_corner_is_rounded_at_whatever_feed(feed, tmp_path):
+    """In mm/min; at the slowest no axis gets beyond 18 mm/s^2, and a tenth of the unit of time is worth no digit."""
+    file = tmp_path / "slow.ngc"
+    file.write_text(f"G21 G90 G64 P0.01\nG0 X0 Y0\nG1 X10 F{feed}\nG1 Y3\nM2\n")
+    path, profile = planned(read_program(file), drives(dim=3, axes=AXES), tolerance=None)
+    assert path.counts["joint"] == 1
+    assert profile.duration < 13.0 / feed * 60.0 + 0.02  # for the ramps, at the fastest
