@@ -313,7 +313,8 @@ class Stage:
         tighter = replace(
             self, problem=_tightened(self.problem, *_margins(shares, self._full, self.problem.inner, gain))
         )
-        return tighter, replace(attempt, waypoint=None) if task.prescribed else attempt
+        goes_on = not task.prescribed or task.section.continues
+        return tighter, attempt if goes_on else replace(attempt, waypoint=None)
 
     def slower(
         self, task: Task, attempt: Attempt, used: Utilisation, knots: FloatArray, times: FloatArray, shares: FloatArray

@@ -18,6 +18,7 @@ from planner.plan import refine
 from planner.plan import stage as stages
 from planner.plan.coarse import Effort
 from planner.plan.collocation import points_of
+from planner.plan.ends import Feed
 from planner.plan.refine import Outcome, Round, _sooner
 from planner.plan.solvers import interior as optimal
 from planner.plan.solvers import ipopt as nlp
@@ -257,6 +258,22 @@ def test_a_tightened_solve_begins_on_the_way_of_the_last_unless_a_feed_is_prescr
     assert tighter.problem.jerk.r == pytest.approx(
         stage.problem.jerk.r * (1.0 + 0.002 * gain) * (1.0 + stages._MARGIN_STEP), rel=1e-12
     )
+
+
+def test_a_plan_that_continues_another_is_tightened_from_the_way_of_the_last() -> None:
+    task, free = task_of(start=30.0)
+    task = replace(task, section=replace(task.section, start=Feed(30.0, 0.0)))
+    stage = Stage.on(task, free.grid)
+    attempt = stage.solve(task, None)
+    tighter, start = stage.next(
+        task, attempt, used_of(jerk=np.full(2 * stage.grid.intervals, 1.002)), may_split=False
+    )
+    assert attempt.waypoint is not None
+    assert start.waypoint is attempt.waypoint
+    warm, cold = tighter.solve(task, start), tighter.solve(task, replace(start, waypoint=None))
+    assert warm.work.iterations < cold.work.iterations
+    assert warm.work.residual < 1e-9
+    assert warm.speed_law.x == pytest.approx(cold.speed_law.x, rel=1e-3)
 
 
 def test_late_rounds_tighten_by_more() -> None:

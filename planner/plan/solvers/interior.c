@@ -5,7 +5,6 @@
 #include "interior_inline.h"
 #include "solvers.h"
 
-static const double FEASIBLE = 1e-9;
 static const double LEAST_CENTRING = 1e-4;
 static const double NEAR = 1e-2, NEAR_HOPE = 0.125; /* gap below which the hoped-for gain has only this share of its weight */
 static const double LEAST_FRACTION = 0.9, MOST_FRACTION = 0.995; /* of the way to the boundary */
@@ -306,8 +305,8 @@ static State state_of(const Problem *problem, double *z, float *pairs, double *w
 int64_t interior_run(const double *h, int64_t intervals, int64_t inner, const double *cap, const double *weight,
                      int64_t accelerations, const double *acceleration, const double *steady, int64_t rows,
                      const double *jerk, const double *jerky, const double *bounds, int64_t fixed, int64_t priced,
-                     double hope, double tolerance, int64_t most, double *z, float *pairs, double *work, double *totals,
-                     int64_t *count) {
+                     double hope, double tolerance, double feasible, int64_t most, double *z, float *pairs, double *work,
+                     double *totals, int64_t *count) {
     Problem problem = problem_of(h, intervals, inner, cap, weight, accelerations, acceleration, steady, rows, jerk, jerky,
                                  bounds);
     problem.fixed = fixed;
@@ -332,7 +331,7 @@ int64_t interior_run(const double *h, int64_t intervals, int64_t inner, const do
         const int last = stride.target * (double)(problem.sides * problem.points) < tolerance * total.time;
         total = (Totals){0.0, 0.0, 0.0};
         factored = advance(&problem, &state, &stride, !last, &total);
-        if (total.gap < tolerance * total.time && total.residual < FEASIBLE) status = DONE;
+        if (total.gap < tolerance * total.time && total.residual < feasible) status = DONE;
     }
     totals[0] = total.gap;
     totals[1] = total.time;

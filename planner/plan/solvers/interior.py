@@ -67,10 +67,13 @@ BLOCK = 128  # points a block in the compiled core
 _FINEST_GAP, _MIN_SHARE = 1e-10, 1e-3
 _MAX_ITERATIONS = 150
 _FEASIBLE = 1e-9
+_VIOLATION_OF_GAP = 0.1  # where the solution is only on the way to another: a violation that is less than the gap
 _HOPE = 2.0  # weight of the hoped-for gain in the centring
 _WATCHED_WORK = 200_000  # points times iterations between looks at the clock
 # Slacks at the start are at least this much of a bound, and the start of a warm one is slowed down to this share of it.
 _MIN_SLACK, _MIN_WARM_SLACK, _WARM_INSIDE = 0.05, 1e-6, 0.9999
+# Where a prescribed feed forbids to slow it down, some slacks are less than nothing: they begin so far from their boundary.
+_MIN_FIXED_SLACK = 1e-3
 # Relative gap of the waypoint, and of that of a solve which began at one: the next problem differs by less still.
 _WAYPOINT_GAP, _NEXT_WAYPOINT_GAP = 1e-3, 3e-4
 _NO_CAP = 1e300
@@ -144,7 +147,7 @@ class Iterate:
         # a prescribed feed does not scale with the rest
         free = np.isnan(problem.start) and np.isnan(problem.end)
         inside = (_WARM_INSIDE if warm else inside) if free else 0.0
-        least = _MIN_WARM_SLACK if warm else _MIN_SLACK
+        least = (_MIN_WARM_SLACK if free else _MIN_FIXED_SLACK) if warm else _MIN_SLACK
         duals = start.duals if isinstance(start, Waypoint) else None
         core.interior_begin(*self._arguments, inside, least, centring, duals, self.z, self.pairs, self._totals)
         priced = 3 if problem.periodic else int(not np.isnan(problem.end))
@@ -163,8 +166,8 @@ class Iterate:
             *(len(accelerations) + len(jerks), np.ascontiguousarray(jerks.given), jerks.factor, bounds),
         )
 
-    def run(self, tolerance: float, most: int) -> Status | None:
-        """Iterate ``most`` times or until the gap is within the tolerance; None where neither that nor a failure ends it."""
+    def run(self, tolerance: float, most: int, feasible: float = _FEASIBLE) -> Status | None:
+        """Iterate ``most`` times or until gap and violation are within tolerance; None where neither this nor a failure ends it."""
         if self._work is None:
             self._work = np.empty(core.interior_work(self.problem.h.size, self._ends[1]))
             self._totals[3] = 0.0
@@ -173,6 +176,7 @@ class Iterate:
             *self._ends,
             _HOPE,
             tolerance,
+            feasible,
             most,
             self.z,
             self.pairs,
@@ -254,10 +258,12 @@ def solve_interior(
     way_gap = _NEXT_WAYPOINT_GAP if isinstance(start, Waypoint) else _WAYPOINT_GAP
     while status is None:
         goal = tolerance if waypoint else max(tolerance, way_gap)
-        status = it.run(goal, min(at_once, _MAX_ITERATIONS - int(it.iterations[0])))
+        # Only a problem with a prescribed feed violates anything on its way; to the last digit it does so for many iterations.
+        feasible = _FEASIBLE if goal <= GAP_TOLERANCE else _VIOLATION_OF_GAP * goal
+        status = it.run(goal, min(at_once, _MAX_ITERATIONS - int(it.iterations[0])), feasible)
         if status is Status.OPTIMAL and goal > tolerance:
             waypoint = it.waypoint()
-            status = Status.OPTIMAL if it.gap < tolerance * it.time else None
+            status = Status.OPTIMAL if it.gap < tolerance * it.time and it.residual < _FEASIBLE else None
         if status is None and it.iterations[0] >= _MAX_ITERATIONS:
             status = Status.TOO_MANY
         elif status is None and it.residual < _FEASIBLE and time.perf_counter() > deadline:
@@ -266,7 +272,7 @@ def solve_interior(
             progress("solving", max(0.0, min(1.0, np.log(max(it.gap / it.time, tolerance)) / np.log(tolerance))))
     it.release()
     count = int(it.iterations[0])
-    if it.residual > _FEASIBLE:
+    if it.residual > feasible:
         given = not np.isnan([problem.start, problem.end]).all()
         raise SolverError(
             f"the interior-point method stopped after {count} iterations ({status.value}) with a violation of "

@@ -52,14 +52,14 @@ void interior_begin(const double *h, int64_t intervals, int64_t inner, const dou
 /* Doubles of the array ``work``. */
 int64_t interior_work(int64_t intervals, int64_t priced);
 
-/* Iterate until sum(s l) is below ``tolerance`` of the time and nothing is violated, ``most`` times at most; their number is
-   added to ``count``.  ``fixed``: how many of x, a, c are prescribed at the first knot; ``priced``: equations at the last, 1
+/* Iterate until sum(s l) is below ``tolerance`` of the time and the largest violation below ``feasible``, ``most`` times at most;
+   their number is added to ``count``.  ``fixed``: how many of x, a, c are prescribed at the first knot; ``priced``: equations at the last, 1
    (x is as it is in z) or 3 (the state is that of the first), or none.  ``hope``: weight of the hoped-for gain in the centring.
    Returns 0: most reached, 1: done, 2: the Newton system is singular, 3: no step is possible. */
 int64_t interior_run(const double *h, int64_t intervals, int64_t inner, const double *cap, const double *weight,
                      int64_t accelerations, const double *acceleration, const double *steady, int64_t rows,
                      const double *jerk, const double *jerky, const double *bounds, int64_t fixed, int64_t priced,
-                     double hope, double tolerance, int64_t most, double *z, float *pairs, double *work, double *totals,
-                     int64_t *count);
+                     double hope, double tolerance, double feasible, int64_t most, double *z, float *pairs, double *work,
+                     double *totals, int64_t *count);
 
 #endif

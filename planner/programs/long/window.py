@@ -5,8 +5,10 @@ Rules 1 to 4 of :mod:`planner.programs.long.windows` are here.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -121,9 +123,10 @@ class WindowStart:
 
 @dataclass(frozen=True, eq=False)
 class Window:
-    """A planned window: the state it began from with all parts it needed, its path, its plan and what the check says.
+    """A planned window: the state it began from with all parts it needed, its path and its plan.
 
     ``reserve_edge`` is the edge of the path from which on a reserve is left; ``ends_at_stop``: none is, all is kept.
+    ``report`` waits for what the check says.
     """
 
     state: WindowStart
@@ -132,7 +135,7 @@ class Window:
     reserve_edge: int
     curve: Curve
     profile: FeedrateProfile
-    report: Report
+    report: Callable[[], Report]
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,11 +164,15 @@ class Kept:
 
 @dataclass(frozen=True, eq=False)
 class Planner:
-    """Plans windows of one program; ``parts`` makes the part of its path at a cursor."""
+    """Plans windows of one program; ``parts`` makes the part of its path at a cursor.
+
+    ``beside``: a thread that checks a window while the next one is planned; None where there is no processor for it.
+    """
 
     path: PathSource
     limits: Limits
     parts: MakePart
+    beside: Executor | None = None
 
     def plan(self, state: WindowStart) -> Window:
         """Plan the window that begins at a state."""
@@ -185,8 +192,13 @@ class Planner:
             # What was found with its path has a grid; the rest of such a window gets what it needs.
             intervals=None if run.laws else max(MIN_INTERVALS, int(run.intervals.sum())),
         )
-        report = check(curve, limits, profile)
-        return Window(state, run, ends_at_stop, edge, curve, profile, report)
+        return Window(state, run, ends_at_stop, edge, curve, profile, self._checked(curve, limits, profile))
+
+    def _checked(self, curve: Curve, limits: Limits, profile: FeedrateProfile) -> Callable[[], Report]:
+        """Check a plan; returns what waits for the report."""
+        if self.beside is None:
+            return partial(check, curve, limits, profile)
+        return self.beside.submit(check, curve, limits, profile).result
 
     def limited(self, run: Run) -> tuple[Curve, Limits]:
         """Curve and limits of a run.
@@ -368,7 +380,7 @@ class Planner:
         longest, held = largest_share(profile, times)
         columns |= {"row": run.row[:count], "edges": ends, "seconds": np.diff(times)[:count]}
         columns |= {"binding": longest[:count], "held": held[:count]}
-        return self.kept_of(state, run, profile, window.report, columns, stopped=stopped)
+        return self.kept_of(state, run, profile, window.report(), columns, stopped=stopped)
 
     def kept_of(
         self,

@@ -27,6 +27,7 @@ from __future__ import annotations
 
 import gc
 import hashlib
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, get_args
@@ -157,8 +158,9 @@ def plan_program(
         Go on where an interrupted run of the same program, tolerance and limits to this output ended; else what such a run
         left is deleted.
     cores : int
-        How many processors to use.  With more than one, another process makes the path beside the plan, and two find the
-        runs of which path and feed are one problem.  More are of no more use; the files are the same to the last bit.
+        How many processors to use.  With more than one, another process makes the path beside the plan, a thread checks a
+        window while the next one is planned, and two processes find the runs of which path and feed are one problem.  More
+        are of no more use; the files are the same to the last bit.
 
     Returns
     -------
@@ -181,8 +183,9 @@ def plan_program(
     program = source if isinstance(source, Program) else read_program(source)
     built, why = _path_source(program, limits, tolerance, path)
     journal = Journal.beside(table, _identity(built, limits), resume=resume)
-    with PathAhead(built, cores) as ahead:
-        done, resumed = _planned(journal, Planner(built, limits, ahead.next), progress)
+    with PathAhead(built, cores) as ahead, ThreadPoolExecutor(1) as thread:
+        planner = Planner(built, limits, ahead.next, thread if cores > 1 else None)
+        done, resumed = _planned(journal, planner, progress)
     if progress is not None:
         progress(f"writing {table}", None)
     verdict = _verdict(done)
