@@ -6,7 +6,7 @@ path is not chosen before its feed, both are one function of time.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,8 @@ from planner.geometry.blend import Legs
 from planner.types import FloatArray, IntArray
 
 _JOINED = 1e-6  # mm between the end of a leg and the start of the next
+_DIGITS = 10  # of vertices in mm, as a program says them at most
+_ROUNDING = 4e-15  # of the largest coordinate: what the end of a leg is off
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +86,45 @@ class JointRun:
         return np.asarray(normals * (self.side / np.where(size > 0.0, size, 1.0))[:, None])
 
     @property
+    def is_backward(self) -> bool:
+        """Whether the run that goes back along the same blocks is the one to be solved.
+
+        Of the vertices from the start and those from the end the first pair that differs decides, by its first axis that
+        does: of a run and the one back along it exactly one is backward, unless both are the same.
+        """
+        apart = self._vertices - self._vertices[::-1]
+        pair, axis = np.nonzero(np.abs(apart) > _JOINED)
+        return bool(pair.size and apart[pair[0], axis[0]] > 0.0)
+
+    @property
+    def _vertices(self) -> FloatArray:
+        """Where the blocks begin, and where the last one ends, (n + 1, d)."""
+        return np.vstack([self.starts, self.ends[-1:]])
+
+    def between_vertices(self) -> JointRun:
+        """The run with its lines laid from vertex to vertex, without what rounding added: the same from either end.
+
+        With an arc among its blocks it stays as it is.
+        """
+        if self.legs.curved.any():
+            return self
+        vertices, said = self._vertices, np.round(self._vertices, _DIGITS)
+        vertices = np.where(np.abs(said - vertices) <= _ROUNDING * np.abs(vertices).max(), said, vertices)
+        way = np.diff(vertices, axis=0)
+        lengths = np.sqrt(np.sum(way**2, axis=1))
+        vectors = np.zeros_like(self.legs.vectors)
+        vectors[:, 0], vectors[:, 3] = vertices[:-1], way / lengths[:, None]
+        return replace(self, legs=Legs(vectors, np.zeros((lengths.size, 2))), lengths=lengths)
+
+    def reversed(self) -> JointRun:
+        """The run back along the same blocks."""
+        back = slice(None, None, -1)
+        legs = self.legs.from_point(self.lengths, backwards=True).taken(np.arange(self.lengths.size)[back])
+        side = None if self.side is None else np.asarray(-self.side[back])
+        lengths, tolerance, feed = self.lengths[back], self.tolerance[back], self.feed[back]
+        return replace(self, legs=legs, lengths=lengths, tolerance=tolerance, feed=feed, side=side)
+
+    @property
     def dim(self) -> int:
         """Number of axes, d."""
         return int(self.jerk.size)
@@ -136,6 +177,16 @@ class JointMotion:
     def duration(self) -> float:
         """Time from start to end, s."""
         return float(self.t[-1])
+
+    def reversed(self) -> JointMotion:
+        """The same motion back in time, along the run back."""
+        p, v, a, j = (row[::-1] for row in (self.position, self.velocity, self.acceleration, self.jerk))
+        leg = self.leg[-1] - self.leg[::-1]
+        return JointMotion(self.t[-1] - self.t[::-1], p.copy(), 0.0 - v, a.copy(), 0.0 - j, leg, self.iterations)
+
+    def with_ends(self, start: FloatArray, end: FloatArray) -> JointMotion:
+        """The same motion between these two points (d,), which differ from its own by rounding."""
+        return replace(self, position=np.vstack([start, self.position[1:-1], end]))
 
     def at(self, t: FloatArray) -> FloatArray:
         """Position, velocity, acceleration, jerk (4, k, d) at times (k,) within the motion; at a node on its right."""

@@ -32,6 +32,9 @@ always is a weight at which it is positive definite.  The step is repeated with 
 durations would more than double.  When mu and what is left to gain are small durations are held, and Newton steps close
 what the switches are off by.
 
+A motion back in time keeps the same limits and tolerance, so the optimum along the blocks back is that motion.  Of both
+directions the solver takes one, by a rule that looks at the vertices alone, and turns what it finds back.
+
 Long runs are solved in windows of some blocks, each from the state that the one before has at the end of its first part,
 to rest at its own end.
 
@@ -87,6 +90,16 @@ def solve_run(run: JointRun) -> JointMotion:
         raise SolverError("path and feed together: the run has arcs, for which it is not solved with one side alone")
     if run.lengths.size == 1 and not run.legs.curved[0]:
         return _straight(run)
+    # Which of two optima is found may depend on the direction, or on a rounding: both directions are one and the same task.
+    if run.is_backward:
+        motion = _solved(run.reversed().between_vertices()).reversed()
+    else:
+        motion = _solved(run.between_vertices())
+    return motion.with_ends(run.starts[0], run.ends[-1])
+
+
+def _solved(run: JointRun) -> JointMotion:
+    """The motion of a run of several lines, or with arcs, in the direction given."""
     # A limit beyond what is reached would set the units all the same, and the solver would find another motion, or none.
     reached = reachable_acceleration(run.velocity, run.acceleration, run.jerk, float(run.feed.max()))
     run = replace(run, acceleration=reached)

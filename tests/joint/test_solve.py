@@ -77,6 +77,23 @@ def test_random_polygons_keep_everything_and_are_faster_than_stopping(seed):
     assert motion.duration < exact_stop_time(points)
 
 
+@pytest.mark.parametrize("seed", range(1000, 1008))
+def test_there_and_back_are_one_motion(seed):
+    """Of programs, whose numbers have an end: 1e-5 is asked for, and rounding is found."""
+    points, tolerance = polygon(seed)
+    points = np.round(points, 5)
+    tolerances, feed = np.full(len(points) - 1, tolerance), np.linspace(60.0, 100.0, len(points) - 1)
+    there = solve_run(run_of(points, tolerance=tolerances, feed=feed))
+    back = solve_run(run_of(points[::-1], tolerance=tolerances, feed=feed[::-1]))
+    assert back.duration == pytest.approx(there.duration, rel=1e-13)
+    at = np.linspace(0.0, there.duration, 500)
+    p, v, a, _ = there.at(at)
+    q, w, b, _ = back.at(there.duration - at)
+    np.testing.assert_allclose(q, p, rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(-w, v, rtol=0.0, atol=1e-7)
+    np.testing.assert_allclose(b, a, rtol=0.0, atol=1e-5)
+
+
 @pytest.mark.parametrize(
     ("points", "tolerance", "time"),
     [

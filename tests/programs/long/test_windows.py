@@ -403,7 +403,8 @@ def test_a_part_begins_with_no_sliver_beside_a_corner(short_windows):
     source = polyline(np.concatenate([points + k * points[-1] for k in range(3)]))
     run, count = joined_parts(source_of(source))
     assert count >= 4
-    assert np.diff(run.curve.edges).min() > 0.1
+    whole = program_path(source, 0.01, PLANE, path="separate")
+    assert np.diff(run.curve.edges).min() > 0.99 * np.diff(whole.curve.edges).min()
 
 
 def test_parts_of_corners_are_the_whole_path(monkeypatch):
