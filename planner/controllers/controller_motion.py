@@ -232,6 +232,47 @@ class Trapezoids:
         )
 
 
+def cut_legs(motion: ControllerMotion, leg: IntArray, x: FloatArray, line: NDArray[np.int64]) -> ControllerMotion:
+    """The same motion with legs cut in two.
+
+    Parameters
+    ----------
+    motion : ControllerMotion
+    leg, x : (k,) arrays
+        The legs and the distances from their starts, mm, in the order of the motion.  They must be lines.
+    line : (k,) int array
+        Line of the program of what is before each cut, up to the cut before.
+    """
+    edges = np.concatenate([[0.0], np.cumsum(motion.length)])
+    starts = edges[motion.leg] + motion.x
+    cut = edges[leg] + x
+    # of pieces that begin at the same place the last one moves on from there
+    piece = np.searchsorted(starts, cut, side="right") - 1
+    way = np.maximum(cut - starts[piece], 0.0)
+    speed, rate = motion.speed[piece], motion.acceleration[piece]
+    there = np.sqrt(np.maximum(speed**2 + 2.0 * rate * way, 0.0))
+    seconds = np.minimum(_ratio(2.0 * way, speed + there), np.diff(motion.start)[piece])
+    every = np.arange(leg.size)
+    counted = np.searchsorted(piece, np.arange(motion.leg.size), side="left")
+    at = piece + 1
+    new_leg = np.insert(motion.leg + counted, at, leg + every + 1)
+    new_edges = np.insert(edges, leg + 1, cut)
+    row = np.insert(np.arange(motion.length.size), leg, leg)
+    vectors = motion.legs.vectors[row].copy()
+    vectors[:, 0] += (new_edges[:-1] - edges[row])[:, None] * vectors[:, 3] * (motion.legs.rates[row, :1] == 0.0)
+    return replace(
+        motion,
+        legs=Legs(vectors, motion.legs.rates[row]),
+        length=np.diff(new_edges),
+        line=np.insert(motion.line, leg, line),
+        start=np.insert(motion.start, at, motion.start[piece] + seconds),
+        leg=new_leg,
+        x=np.maximum(np.insert(starts, at, cut) - new_edges[new_leg], 0.0),
+        speed=np.insert(motion.speed, at, there),
+        acceleration=np.insert(motion.acceleration, at, rate),
+    )
+
+
 def peak_speed(
     entry: FloatArray, out: FloatArray, length: FloatArray, rise: FloatArray, fall: FloatArray, cap: FloatArray
 ) -> FloatArray:

@@ -31,7 +31,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from planner.controllers.controller_motion import ControllerMotion, Trapezoids, look_ahead_squared, peak_speed
-from planner.controllers.straight_blocks import STRAIGHT_AXES, StraightBlocks, straight_blocks
+from planner.controllers.straight_blocks import STRAIGHT_AXES, StraightBlocks, limits_of_straight_axes, straight_blocks
 from planner.errors import InputError
 from planner.inputs import numbers, positive_number, shorten
 from planner.machine.limits import Limits
@@ -113,16 +113,7 @@ def grbl_on(limits: Limits) -> GrblSettings:
     InputError
         If an axis has no limit on its velocity or acceleration.
     """
-    rows: dict[str, list[float]] = {"velocity": [], "acceleration": []}
-    for name in STRAIGHT_AXES:
-        for quantity, row in rows.items():
-            limit = getattr(limits, quantity)
-            row.append(float(limit[limits.axes.index(name)]) if name in limits.axes else float(limit.max()))
-    for quantity, row in rows.items():
-        for name, value in zip(STRAIGHT_AXES, row, strict=True):
-            if np.isinf(value):
-                raise InputError(f"the machine has no limit on the {quantity} of {name}; GRBL has none without it")
-    return GrblSettings(np.array(rows["velocity"]), np.array(rows["acceleration"]))
+    return GrblSettings(*limits_of_straight_axes(limits, "GRBL"))
 
 
 def grbl_motion(program: Program, settings: GrblSettings) -> ControllerMotion:

@@ -9,6 +9,7 @@ from typing import Any
 from planner.controllers.controller_motion import ControllerMotion
 from planner.controllers.grbl import GRBL, GRBL_KEYS, GrblSettings, grbl_motion, grbl_on
 from planner.controllers.klipper import KLIPPER, KLIPPER_KEYS, KlipperSettings, klipper_motion, klipper_on
+from planner.controllers.linuxcnc import LINUXCNC, LINUXCNC_KEYS, LinuxcncSettings, linuxcnc_motion, linuxcnc_on
 from planner.errors import InputError
 from planner.inputs import require_instance, shorten
 from planner.machine.limits import Limits
@@ -60,6 +61,14 @@ CONTROLLERS: Mapping[str, Controller] = {
             GRBL_KEYS,
             grbl_motion,
             "measured: 0.08 % off at most, against GRBL 1.1h, its planner and stepper code, 12 programs by 3 settings",
+        ),
+        Controller(
+            LINUXCNC,
+            LinuxcncSettings,
+            linuxcnc_on,
+            LINUXCNC_KEYS,
+            linuxcnc_motion,
+            "measured: ...",
         ),
     )
 }

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from planner.errors import InputError
 from planner.geometry.blend import Legs
 from planner.geometry.curve import AXES
+from planner.machine.limits import Limits
 from planner.programs.reading.program import ARC, RAPID, SPLINE, Program
 from planner.types import BoolArray, FloatArray, IntArray
 
@@ -139,11 +140,11 @@ def straight_blocks(
         modal_feed=program.modal_feed[of],
         rapid=program.kind[of] == RAPID,
         line=program.line[of],
-        stop=_stops(program, of, waits_for),
+        stop=stops_of(program, of, waits_for),
     )
 
 
-def _stops(program: Program, of: IntArray, waits_for: Collection[str]) -> BoolArray:
+def stops_of(program: Program, of: IntArray, waits_for: Collection[str]) -> BoolArray:
     """Where blocks of the moves ``of`` (n,) stop, (n + 1,)."""
     stop = np.zeros(of.size + 1, dtype=np.bool_)
     after = np.array([event.after_move for event in program.events if event.kind in waits_for], dtype=np.intp)
@@ -175,6 +176,26 @@ def _on_arcs(program: Program, moves: IntArray, share: FloatArray) -> FloatArray
     return np.asarray(program.start[moves, :3] - spoke + around + climb)
 
 
+def limits_of_straight_axes(limits: Limits, controller: str) -> tuple[FloatArray, FloatArray]:
+    """Velocities and accelerations of X Y Z, (3,), mm/s and mm/s^2; an axis that a machine lacks has the highest of it.
+
+    Raises
+    ------
+    InputError
+        If one is inf.
+    """
+    found = []
+    for quantity, row in (("velocity", limits.velocity), ("acceleration", limits.acceleration)):
+        values = [row[limits.axes.index(name)] if name in limits.axes else row.max() for name in STRAIGHT_AXES]
+        for name, value in zip(STRAIGHT_AXES, values, strict=True):
+            if np.isinf(value):
+                raise InputError(
+                    f"the machine has no limit on the {quantity} of {name}; {controller} has none without it"
+                )
+        found.append(np.array(values, dtype=np.float64))
+    return found[0], found[1]
+
+
 def _require_straight(program: Program, row: IntArray, controller: str) -> None:
     """Refuse what such a controller does not move along."""
     splines = row[program.kind[row] == SPLINE]
@@ -183,6 +204,11 @@ def _require_straight(program: Program, row: IntArray, controller: str) -> None:
             f"{program.source}:{program.line[splines[0]]}: the controller {controller} knows no splines; write them as "
             "lines or arcs"
         )
+    require_straight_axes(program, controller)
+
+
+def require_straight_axes(program: Program, controller: str) -> None:
+    """Refuse a program that names other axes than X Y Z."""
     others = program.axis_lines[len(STRAIGHT_AXES) :]
     if others.any():
         line, axis = min((int(n), name) for n, name in zip(others, AXES[len(STRAIGHT_AXES) :], strict=True) if n > 0)

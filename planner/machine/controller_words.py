@@ -21,6 +21,10 @@ class ControllerWords:
         Of Klipper.
     arc_resolution : float, optional
         ``resolution`` in [gcode_arcs] of Klipper, mm.
+    max_feed_override : float, optional
+        [DISPLAY]MAX_FEED_OVERRIDE of LinuxCNC.
+    arc_blend, optimization_depth, gap_cycles, ramp_frequency, kink_ratio : float, optional
+        [TRAJ]ARC_BLEND_ENABLE, _OPTIMIZATION_DEPTH, _GAP_CYCLES, _RAMP_FREQ (Hz) and _KINK_RATIO of LinuxCNC.
     """
 
     junction_deviation: float | None = None
@@ -29,3 +33,9 @@ class ControllerWords:
     square_corner_velocity: float | None = None
     minimum_cruise_ratio: float | None = None
     arc_resolution: float | None = None
+    max_feed_override: float | None = None
+    arc_blend: float | None = None
+    optimization_depth: float | None = None
+    gap_cycles: float | None = None
+    ramp_frequency: float | None = None
+    kink_ratio: float | None = None

@@ -11,6 +11,8 @@ What is taken (LinuxCNC, Getting Started, chapter "INI Configuration"):
 MAX_ACCELERATION, MAX_JERK                   MAX_JERK, which LinuxCNC knows from 2.10 on, the jerk has no limit.  Before
                                              version 2.8 axes had numbers: [AXIS_0] is X
 [EMCMOT] SERVO_PERIOD                        period, in ns
+[TRAJ] ARC_BLEND_..., [DISPLAY]              for the model of LinuxCNC's own planner; no limits
+MAX_FEED_OVERRIDE
 #INCLUDE file                                the lines of the file, from the folder of the one it stands in
 ===========================================  ==================================================================
 
@@ -25,13 +27,16 @@ import math
 import re
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from planner.errors import InputError
 from planner.geometry.curve import AXES, ROTARY_AXES
 from planner.inputs import plain_number, shorten
+from planner.machine.controller_words import ControllerWords
 from planner.machine.included_lines import IncludedLines
 from planner.machine.limits import PERIOD, RAPID
 from planner.machine.machine_table import AxisTable, MachineTable
+from planner.machine.program_setup import ProgramSetup
 from planner.quantity import ACCELERATION, FEED, JERK, TANGENTIAL_ACCELERATION, TANGENTIAL_JERK, VELOCITY
 
 _LINEAR_UNITS = {"mm": 1.0, "metric": 1.0, "in": 25.4, "inch": 25.4, "imperial": 25.4}
@@ -46,6 +51,15 @@ _TRAJECTORY = {
     TANGENTIAL_JERK.key: ("MAX_LINEAR_JERK",),
 }
 _AXIS = {VELOCITY: "MAX_VELOCITY", ACCELERATION: "MAX_ACCELERATION", JERK: "MAX_JERK"}
+_PLANNER = {
+    "max_feed_override": ("DISPLAY", "MAX_FEED_OVERRIDE"),
+    "arc_blend": ("TRAJ", "ARC_BLEND_ENABLE"),
+    "optimization_depth": ("TRAJ", "ARC_BLEND_OPTIMIZATION_DEPTH"),
+    "gap_cycles": ("TRAJ", "ARC_BLEND_GAP_CYCLES"),
+    "ramp_frequency": ("TRAJ", "ARC_BLEND_RAMP_FREQ"),
+    "kink_ratio": ("TRAJ", "ARC_BLEND_KINK_RATIO"),
+}
+_MAY_BE_ZERO = ("arc_blend", "optimization_depth", "gap_cycles")
 _READ_SECTIONS = r"TRAJ|KINS|EMCMOT|AXIS_\w|JOINT_\d+"
 _READ_KEYS = r"MAX_(LINEAR_)?(VELOCITY|ACCELERATION|JERK)|COORDINATES|(LINEAR|ANGULAR)_UNITS|SERVO_PERIOD|KINEMATICS"
 _INCLUDE = re.compile(r"\s*#INCLUDE\b(.*)$")
@@ -86,7 +100,22 @@ def ini_machine(text: str, path: Path) -> MachineTable:
         _axis(sections, letter, joints, angular if letter in ROTARY_AXES else linear)
         for letter in _letters(trajectory, where)
     ]
-    return MachineTable(where, head, axes)
+    return MachineTable(where, head, axes, ProgramSetup(controller=_words(sections)))
+
+
+def _words(sections: Sections) -> ControllerWords:
+    """What the planner of LinuxCNC goes by beside the limits."""
+    found: dict[str, Any] = {}
+    for name, (section, key) in _PLANNER.items():
+        if key not in sections.get(section, {}):
+            continue
+        value, place = sections[section][key]
+        number = plain_number(value)
+        if number is None or number < 0.0 or (number == 0.0 and name not in _MAY_BE_ZERO):
+            least = ">= 0" if name in _MAY_BE_ZERO else "> 0"
+            raise InputError(f"{place}: [{section}]{key} = {shorten(value)} must be a number {least}")
+        found[name] = number
+    return ControllerWords(**found)
 
 
 def _sections(text: str, path: Path) -> Sections:

@@ -21,7 +21,8 @@ from planner.programs.path.smooth_path import ProgramPath
 from planner.programs.reading.program import Program
 from planner.verify import Report
 
-_END = "end"  # M2 or M30: the program that is written has its own
+# M2 or M30: the program that is written has its own; the rest is no part of it.
+_NOT_WRITTEN = ("end", "signal", "offset")
 
 
 def write_program(
@@ -101,7 +102,7 @@ def _events(program: Program, path: ProgramPath) -> list[tuple[float, int, str]]
     return [
         (float(path.u[np.searchsorted(moving, event.after_move, side="right")]), event.line, event.text)
         for event in program.events
-        if event.kind != _END
+        if event.kind not in _NOT_WRITTEN
     ]
 
 

@@ -44,7 +44,7 @@ from planner.programs.reading.unread import UnreadWords
 from planner.programs.reading.words import LineArray, Mask
 from planner.types import FloatArray
 
-_EXACT = (610, 611)
+_EXACT_PATH, _EXACT_STOP = 610, 611
 _PER_MINUTE = 940
 _ABSOLUTE = 900
 _SAME_DIRECTION = 1e-6  # rad; LinuxCNC makes a full turn of less
@@ -120,7 +120,8 @@ def _columns(
     normal = np.array([2, 2, 0, 1], dtype=np.uint8)[table[:, -1].astype(np.int64)]
     centre, sweep = np.full((called.size, 3), np.nan), np.zeros(called.size)
     centre[arcs], sweep[arcs] = _arcs(start[arcs, :3], end[arcs, :3], normal[arcs], table[arcs, 12:15])
-    exact = np.isin(state[:, PATH_MODE], _EXACT)
+    exact = state[:, PATH_MODE] == _EXACT_STOP
+    on_path = exact | (state[:, PATH_MODE] == _EXACT_PATH)
     along = arc_lengths(start[arcs], end[arcs], centre[arcs], normal[arcs], sweep[arcs])
     # Of a move in degrees alone F is in degrees, which inches do not change.
     turns = feed_lengths(start, end, arcs, along)[1] == ANGULAR
@@ -130,7 +131,7 @@ def _columns(
     feed[rapid] = np.inf
     return MoveColumns(
         columns.line[kept], kind, end, centre, normal, sweep, np.full(called.size, -1), feed, exact,
-        np.where(exact, 0.0, tolerances[kept, 0]), np.where(exact, np.nan, tolerances[kept, 1]),
+        np.where(on_path, 0.0, tolerances[kept, 0]), np.where(on_path, np.nan, tolerances[kept, 1]),
         np.zeros(called.size, dtype=np.int64), modal_feed,
     )  # fmt: skip
 

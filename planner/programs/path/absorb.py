@@ -328,7 +328,8 @@ def _joined(work: _Absorbing, first: NDArray[np.intp]) -> _Absorbing:
     main = order[np.append(first[1:], cost.size) - 1]  # the longest block of each
     stop_after = np.logical_or.reduceat(moves.stop_after, first)
     columns = {
-        name: getattr(moves, name)[last] for name in ("line", "normal", "naive_tolerance", "tolerance", "modal_feed")
+        name: getattr(moves, name)[last]
+        for name in ("line", "normal", "naive_tolerance", "tolerance", "modal_feed", "exact_stop")
     }
     joined = replace(
         moves,

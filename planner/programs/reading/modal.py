@@ -44,7 +44,7 @@ from planner.types import FloatArray
 
 INCH_MM = 25.4
 _NO_BLOCKS = {"/": "/ (block delete is on)", "$": "$ (a setting of GRBL)", "?": "? (a question to GRBL)"}
-_NO_STOP_KINDS = ("spindle", "coolant", "tool")
+_NO_STOP_KINDS = ("spindle", "coolant", "tool", "signal", "offset")
 
 
 @dataclass
@@ -192,8 +192,8 @@ class ReadingState:
             zero = zero[~np.isin(zero, moves.line)]
         return Program(
             self.source, moves.line, moves.kind, points[:-1], points[1:], moves.centre, moves.normal, moves.sweep,
-            moves.curve, moves.feed, stop, moves.tolerance, moves.naive, moves.modal_feed, tuple(self.events), zero,
-            self.line_count, self.axis_lines, self._notes(), beziers,
+            moves.curve, moves.feed, stop, moves.tolerance, moves.naive, moves.modal_feed, moves.exact, tuple(self.events),
+            zero, self.line_count, self.axis_lines, self._notes(), beziers,
         )  # fmt: skip
 
     def _points(self, parts: list[MoveColumns]) -> FloatArray:
@@ -257,8 +257,8 @@ class ReadingState:
 
 @dataclass(frozen=True, eq=False)
 class MoveColumns:
-    """The kept moves of a part; columns as in Program, ends in the axes carried, whether G61 or G61.1 was active, and the
-    compensated tool.
+    """The kept moves of a part; columns as in Program, ends in the axes carried, whether G61.1 was active, and the tool
+    that is compensated.
     """
 
     line: LineArray

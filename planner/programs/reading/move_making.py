@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from planner.compiled import core
 from planner.programs.reading.arcs import resolve_arcs
 from planner.programs.reading.compensation import end_beside
-from planner.programs.reading.language import CENTRES, FEED_MODE, MOTION, PATH_MODE, PLANE, THREAD
+from planner.programs.reading.language import CENTRES, CYCLES, FEED_MODE, MOTION, PATH_MODE, PLANE, THREAD
 from planner.programs.reading.modal import MoveColumns, ReadingState
 from planner.programs.reading.positions import ProgramTrack
 from planner.programs.reading.program import ANGULAR, ARC, RAPID, SPLINE, ZERO_LENGTH_MM, arc_lengths, feed_lengths
@@ -93,10 +93,11 @@ def make_moves(track: ProgramTrack, feeds: BlockFeeds) -> MovesOfPart:
     by_minute = modal[FEED_MODE][rows] == 940
     modal_feed = np.where(rapid & ~by_minute, np.nan, feed)
     feed[rapid] = np.inf
-    exact = modal[PATH_MODE][rows] != 640
+    exact = modal[PATH_MODE][rows] == 611
+    tolerance = np.where(np.isin(modal[MOTION][rows], CYCLES), 0.0, feeds.tolerance[rows])
     columns = MoveColumns(
         blocks.line[rows], kind.astype(np.uint8), end, centre, normal, sweep, np.full(rows.size, -1), feed, exact,
-        feeds.tolerance[rows], feeds.naive[rows], track.tools_beside(rows), modal_feed,
+        tolerance, feeds.naive[rows], track.tools_beside(rows), modal_feed,
     )  # fmt: skip
     if splines is not None:
         columns, rows = _in_pieces(columns, rows, splines, sum(map(len, state.beziers)))

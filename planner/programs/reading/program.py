@@ -18,7 +18,7 @@ from planner.types import FloatArray
 RAPID, LINE, ARC, SPLINE = 0, 1, 2, 3
 _COLUMNS = (
     "line", "kind", "start", "end", "centre", "normal", "sweep", "curve", "feed", "stop_after", "tolerance",
-    "naive_tolerance", "modal_feed",
+    "naive_tolerance", "modal_feed", "exact_stop",
 )  # fmt: skip
 # Shorter moves are none: the line is kept and takes no time.  Degrees count as mm.
 ZERO_LENGTH_MM = 1e-6
@@ -38,7 +38,8 @@ class Event:
     line : int
         Line number in the file, from 1.
     kind : str
-        "dwell", "tool_change", "tool", "spindle", "coolant", "stop", "optional_stop" or "end".
+        "dwell", "tool_change", "tool", "spindle", "coolant", "stop", "optional_stop", "end", "signal" (M64, M65, M66, M68)
+        or "offset" (G54 to G59.3, G43, G49).
     seconds : float
         Length of a dwell; 0 for everything else, whose time the program does not say.
     after_move : int
@@ -86,12 +87,14 @@ class Program:
     stop_after : (m,) bool array
         The program demands an exact stop after this move.
     tolerance : (m,) array
-        P of G64, mm: nan where none was given, 0 under G61 and G61.1.
+        P of G64, mm: nan where none was given, 0 under G61 and G61.1, and in cycles, which LinuxCNC runs under G61.
     naive_tolerance : (m,) array
         Q of G64, mm; nan where none was given.
     modal_feed : (m,) array
         Of a rapid the F word in force under G94, mm/s, or nan: controllers that know no rapid run it at that feed.  Of
         other moves their feed.
+    exact_stop : (m,) bool array
+        G61.1 is active.
     events : tuple of Event
         In the order of the program.
     zero_lines : (k,) int64 array
@@ -120,6 +123,7 @@ class Program:
     tolerance: FloatArray
     naive_tolerance: FloatArray
     modal_feed: FloatArray
+    exact_stop: NDArray[np.bool_]
     events: tuple[Event, ...]
     zero_lines: NDArray[np.int64]
     line_count: int

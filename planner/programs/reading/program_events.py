@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from planner.programs.reading.blocks import WordColumn
-from planner.programs.reading.language import CHANGE, COOLANT, ONCE, SPINDLE, STOP
+from planner.programs.reading.language import CHANGE, COOLANT, ONCE, SIGNAL, SPINDLE, STOP, SYSTEM, TOOL_LENGTH
 from planner.programs.reading.move_making import MovesOfPart
 from planner.programs.reading.positions import ProgramTrack
 from planner.programs.reading.program import Event
 
 _DWELL = 40
 _TURNING = (3, 4, 5)
+_SIGNALS_AT_ONCE = (64, 65, 66, 68)  # M62, M63 and M67 act with the next move
 _STOP_KINDS = {0: "stop", 1: "optional_stop", 2: "end", 30: "end", 60: "stop"}
 
 
@@ -21,7 +22,11 @@ def add_events(track: ProgramTrack, moves: MovesOfPart) -> None:
     letters, dwell = blocks.letters, blocks.g[ONCE].has(_DWELL)
     speed, tool = letters["S"], letters["T"]
     change, spindle, coolant, stop = (blocks.m[k] for k in (CHANGE, SPINDLE, COOLANT, STOP))
-    named = dwell | np.logical_or.reduce([column.given for column in (speed, tool, change, spindle, coolant, stop)])
+    signal, system, length = blocks.m[SIGNAL], blocks.g[SYSTEM], blocks.g[TOOL_LENGTH]
+    at_once = signal.has(*_SIGNALS_AT_ONCE)
+    others = [("signal", at_once, (signal, letters["P"])), ("offset", system.given | length.given, (system, length))]
+    named = np.logical_or.reduce([column.given for column in (speed, tool, change, spindle, coolant, stop)])
+    named |= dwell | at_once | system.given | length.given
     inside: dict[int, list[tuple[float, int]]] = {}
     for row, seconds, index in moves.dwells:
         inside.setdefault(row, []).append((seconds, index))
@@ -53,6 +58,9 @@ def add_events(track: ProgramTrack, moves: MovesOfPart) -> None:
         if coolant.given[row]:
             note("coolant", text(coolant), before)
             state.coolant_code = int(coolant.value[row])
+        for kind, given, columns in others:
+            if given[row]:
+                note(kind, text(*columns), before)
         if dwell[row]:
             note("dwell", text(blocks.g[ONCE], letters["P"]), before, float(letters["P"].value[row]))
         for seconds, index in inside.get(row, ()):
