@@ -30,7 +30,7 @@ from feedplan.sources import (
 from planner.errors import InputError
 
 if TYPE_CHECKING:
-    from feedplan.verdict import Verdict
+    from feedplan.verdict import ReserveCost, Verdict
     from planner.geometry.curve import Curve
     from planner.geometry.tolerance import PathKind, PathSide
     from planner.machine.limits import Limits
@@ -80,6 +80,8 @@ class Job:
         What the machine's file says of homes, tools and rests.
     acceleration_share : float
         Of the machine's acceleration, what ``limits`` have of it.
+    override_reserve : float
+        Share of the limits that plans leave for feed override, as :func:`planner.plan_feedrate` has it.
     """
 
     curve: Curve
@@ -92,6 +94,7 @@ class Job:
     path_seconds: float = 0.0
     setup: ProgramSetup | None = None
     acceleration_share: float = 1.0
+    override_reserve: float = 0.0
 
     def __repr__(self) -> str:
         return f"Job({self.curve.name} on {self.machine})"
@@ -134,18 +137,47 @@ class Job:
         began = time.perf_counter()
         profile = self.plan(progress, **options)
         seconds = time.perf_counter() - began + self.path_seconds
+        # What is proved is of every plan within the limits, and one without a reserve is nearer to the fastest.
+        nearest = profile
+        if self.override_reserve:
+            progress("planning without the reserve", None)
+            nearest = self.plan(progress, **(options | {"override_reserve": 0.0}))
         if bound and profile.method != UNBOUNDED:
-            profile = self.bound(profile, progress, certificate=certificate)
+            found = self.bound(nearest, progress, certificate=certificate)
+            notes = (*profile.notes, *found.notes[len(nearest.notes) :])
+            profile = replace(profile, lower_bound=found.lower_bound, claim=found.claim, notes=notes)
         verdict = self.judge(profile, progress, seconds=seconds)
+        if self.override_reserve:
+            verdict = replace(verdict, reserve=self.reserve_cost(profile, nearest, progress))
         if bound and profile.method != UNBOUNDED:
             verdict = replace(verdict, any_path=self.any_path_bound(progress))
         return verdict if certificate is None else self.prove(verdict, certificate, progress)
 
     def plan(self, progress: Progress = _silent, **options: Any) -> FeedrateProfile:
-        """Plan the curve; options as for :func:`planner.plan_feedrate`."""
-        from planner import plan_feedrate
+        """Plan the curve; options as for :func:`planner.plan_feedrate`.
 
-        return plan_feedrate(self.curve, self.limits, progress=progress, **options)
+        A plan with a reserve has no lower bound of its own: it may not use all of the limits that others may.
+        """
+        from planner import plan_feedrate
+        from planner.status import Claim
+
+        options = {"override_reserve": self.override_reserve} | options
+        profile = plan_feedrate(self.curve, self.limits, progress=progress, **options)
+        if profile.origin.override_reserve:
+            profile = replace(profile, lower_bound=math.nan, claim=Claim.NONE)
+        return profile
+
+    def reserve_cost(
+        self, profile: FeedrateProfile, without: FeedrateProfile, progress: Progress = _silent
+    ) -> ReserveCost:
+        """What the reserve of a plan costs, against a plan without it on the same path, and how fast it stops."""
+        from feedplan.verdict import ReserveCost
+        from interp.rate_limits import rate_limits
+
+        progress("finding the fastest stop", None)
+        found = rate_limits(profile, self.limits)
+        stop = math.nan if found is None else found.stop_time
+        return ReserveCost(profile.origin.override_reserve, without.duration, stop)
 
     def bound(
         self, profile: FeedrateProfile, progress: Progress = _silent, *, certificate: Path | None = None
@@ -279,6 +311,7 @@ def plan_and_check(
     tolerance: float | None = None,
     path: PathKind | None = None,
     side: PathSide | None = None,
+    override_reserve: float = 0.0,
     bound: bool = True,
     progress: Progress = _silent,
     **options: Any,
@@ -287,7 +320,7 @@ def plan_and_check(
 
     Parameters
     ----------
-    source, machine, complete, scale, layer, chain, feed, period, tolerance, path, side
+    source, machine, complete, scale, layer, chain, feed, period, tolerance, path, side, override_reserve
         As for :func:`load_job`.
     bound, progress, options
         As for :meth:`Job.run`; options are those of :func:`planner.plan_feedrate`: ``method``, ``start_feed``,
@@ -322,6 +355,7 @@ def plan_and_check(
         tolerance=tolerance,
         path=path_for(source, path, options),
         side=side,
+        override_reserve=override_reserve,
     )
     return job.run(progress, bound=bound, **options)
 
@@ -344,6 +378,7 @@ def load_job(
     path: PathKind | None = None,
     side: PathSide | None = None,
     acceleration_share: float = 1.0,
+    override_reserve: float = 0.0,
     notice: Callable[[str], None] | None = None,
 ) -> Job:
     """Load a curve, or a part program as a path, and the limits of a machine.
@@ -381,6 +416,9 @@ def load_job(
     acceleration_share : float
         Of the machine's acceleration, what the plan may use: a controller that cannot use all of it while it turns then
         keeps to the plan.
+    override_reserve : float
+        Share of every jerk limit, and a third of it of every acceleration limit, that plans leave for feed override and feed
+        hold, 0 to 0.5; they are checked against the whole limits.
     notice : callable, optional
         Is told what is no error and yet worth knowing.
 
@@ -391,6 +429,7 @@ def load_job(
     """
     from planner.geometry.catalog import require_no_choice
     from planner.geometry.curve import ROTARY_AXES, Curve
+    from planner.machine.limits import reserve_shares
     from planner.programs.source import require_no_program_options
 
     tolerance, choice = _positive(tolerance), DrawingChoice(layer, chain)
@@ -398,9 +437,9 @@ def load_job(
         require_no_choice(source, layer, chain)
         found, named = load_machine(machine, complete=complete)
         limits = _changed(found.limits, feed, period, acceleration_share)
-        return Job.of(
+        job = Job.of(
             program_curve(
-                source, scale, limits, tolerance, share, notice,
+                source, scale, limits.with_reserve(override_reserve), tolerance, share, notice,
                 tools=tools, ignore=ignore, reader=reader, setup=found.setup, path=path or "joint", side=side or "both",
             ),
             limits,
@@ -408,13 +447,16 @@ def load_job(
             found.setup,
             acceleration_share,
         )  # fmt: skip
+        return replace(job, override_reserve=override_reserve)
     require_no_program_options(source, tools, ignore)
     require_no_path_choice(source, path, side)
     made = plain_curve(source, scale, tolerance, share, choice)
     example = "five-axis" if ROTARY_AXES & set(made.curve.axes) else "mill"
     found, named = load_machine(machine, example, complete=complete)
     limits = _changed(found.limits.for_curve(made.curve), feed, period, acceleration_share)
-    return Job.of(made, limits, named, acceleration_share=acceleration_share)
+    reserve_shares(override_reserve)  # refused before anything is planned
+    job = Job.of(made, limits, named, acceleration_share=acceleration_share)
+    return replace(job, override_reserve=override_reserve)
 
 
 def load_machine(
@@ -459,19 +501,20 @@ def load_job_of_table(
     ``machine``.  Other arguments as for :func:`load_job`; the plan itself is read by :func:`planner.read_table`.
     """
     from planner import load_limits, table_limits
+    from planner.output.table import table_origin
     from planner.geometry.catalog import require_no_choice
     from planner.geometry.curve import Curve
     from planner.machine.machine_file import read_machine
     from planner.programs.source import require_no_program_options
 
-    own = table_limits(table)
+    own, reserve = table_limits(table), table_origin(table).override_reserve
     said = tolerance_of_table(table, source)
     tolerance, choice = said.mm if tolerance is None else _positive(tolerance), DrawingChoice(layer, chain)
     on, named = (None, "") if machine is None else load_machine(machine, complete=complete)
     if not isinstance(source, Curve) and is_program(source):
         require_no_choice(source, layer, chain)
         known = on if setup is None else read_machine(setup)
-        weights = load_limits(said.machine) if said.machine else own
+        weights = load_limits(said.machine) if said.machine else own.with_reserve(reserve)
         found = program_curve(
             source,
             scale,
@@ -493,8 +536,10 @@ def load_job_of_table(
     if on is None:
         if complete:
             raise InputError(f"{', '.join(complete)}: completes a machine file; the limits are those of {table}")
-        return Job.of(found, own, f"limits in {table}")
-    return Job.of(found, on.limits, named)
+        job = Job.of(found, own, f"limits in {table}")
+    else:
+        job = Job.of(found, on.limits, named)
+    return replace(job, override_reserve=reserve)
 
 
 def _positive(tolerance: float | None) -> float | None:

@@ -33,6 +33,25 @@ if TYPE_CHECKING:
 _LIMITS = (COMMANDS[0], COMMANDS[1], *(q.label for q in QUANTITIES[1:]), "jerk at a curvature break")
 
 
+@dataclass(frozen=True)
+class ReserveCost:
+    """What a plan pays for its reserve for feed override, and what it gets.
+
+    Attributes
+    ----------
+    share : float
+        Of every jerk limit; a third of it of every acceleration limit.
+    without : float
+        Duration of the plan without a reserve on the same path, s.
+    stop_time : float
+        From full rate to a feed hold, s, wherever it begins; nan where the reserve is too small for any.
+    """
+
+    share: float
+    without: float
+    stop_time: float
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Verdict(Tabular):
     """A plan, what was found about it and about the samples of it; as a table, what is used of each limit.
@@ -60,6 +79,8 @@ class Verdict(Tabular):
         Of a part program: no motion within its tolerance is faster, whatever its path, s; nan where that is not known.
     passes : NeighbouringPasses, optional
         How equal the feed is at the same place in neighbouring passes of a part program; None where it has none.
+    reserve : ReserveCost, optional
+        Of a plan with a reserve for feed override; None where it has none.
     """
 
     profile: FeedrateProfile
@@ -75,6 +96,7 @@ class Verdict(Tabular):
     proof: BoundReport | None = None
     any_path: float = math.nan
     passes: NeighbouringPasses | None = None
+    reserve: ReserveCost | None = None
 
     def columns(self) -> dict[str, NDArray[Any]]:
         """Limit, axis, what is allowed, the share of it that the plan and its samples use, and when most is used."""
@@ -194,6 +216,15 @@ def to_json(verdict: Verdict) -> str:
         facts["source"] = dict(verdict.facts)
     if verdict.program is not None:
         facts["program"] = program_facts(verdict.program)
+    if verdict.reserve is not None:
+        reserve = verdict.reserve
+        facts["override_reserve"] = {
+            "share": reserve.share,
+            "without_s": reserve.without,
+            "costs_s": profile.duration - reserve.without,
+            "costs_share": profile.duration / reserve.without - 1.0,
+            "stop_time_s": reserve.stop_time,
+        }
     if verdict.passes is not None:
         facts["neighbouring_passes"] = _passes_facts(verdict.passes)
     return json.dumps(_finite(facts), indent=2, allow_nan=False)

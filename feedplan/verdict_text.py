@@ -117,6 +117,7 @@ def _facts(verdict: Verdict) -> list[str]:
         *named("duration", time, BOLD),
         *named("lower bound", bound),
         *_any_path(verdict),
+        *_reserve(verdict),
         *_passes(verdict.passes),
     ]
 
@@ -128,6 +129,22 @@ def _any_path(verdict: Verdict) -> list[str]:
     less = percent(max(1.0 - verdict.any_path / verdict.profile.duration, 0.0), 2)
     said = "no motion within the tolerance and with the same stops takes less"
     return named("any path", f"{verdict.any_path:.6g} s; {said}: {less} at most is left")
+
+
+def _reserve(verdict: Verdict) -> list[str]:
+    """Lay out what the reserve for feed override costs, and how fast a feed hold is."""
+    reserve = verdict.reserve
+    if reserve is None:
+        return []
+    more = verdict.profile.duration - reserve.without
+    cost = f"{quantity(more, 's')} or {percent(more / reserve.without, 2)} more than {reserve.without:.6g} s without it"
+    hold = (
+        f"a feed hold from full feed takes {reserve.stop_time:.3g} s"
+        if math.isfinite(reserve.stop_time)
+        else "too little for feed override: the feed cannot be changed within the limits"
+    )
+    shares = f"{percent(reserve.share)} of the jerk and {percent(reserve.share / 3.0)} of the acceleration are left"
+    return named("reserve", f"{shares}, {cost}; {hold}")
 
 
 def _passes(passes: NeighbouringPasses | None) -> list[str]:

@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from interp.literature.greedy_run import GreedyRun
     from interp.literature.lookahead import AdaptiveLimits, interpolate_adaptive
     from interp.literature.servo import XY_TABLE, AxisDrive, contour_error, track
+    from interp.plan_file import read_plan_file, write_plan_file
+    from interp.rate_limits import RateLimits
+    from interp.step import PlanStep
     from interp.taylor import InterpolatorTable, TaylorTable, quintic_step, start, taylor_step
 
 __all__ = [
@@ -31,6 +34,8 @@ __all__ = [
     "FeedShape",
     "GreedyRun",
     "InterpolatorTable",
+    "PlanStep",
+    "RateLimits",
     "TaylorTable",
     "contour_error",
     "filter_axes",
@@ -39,11 +44,13 @@ __all__ = [
     "interpolate_constant",
     "interpolate_shape",
     "quintic_step",
+    "read_plan_file",
     "replay",
     "replay_form",
     "start",
     "taylor_step",
     "track",
+    "write_plan_file",
 ]
 
 # Names whose module loads with their first use.
@@ -54,6 +61,9 @@ _HOME = {
     "interp.literature.greedy_run": ("GreedyRun",),
     "interp.literature.lookahead": ("AdaptiveLimits", "interpolate_adaptive"),
     "interp.literature.servo": ("XY_TABLE", "AxisDrive", "contour_error", "track"),
+    "interp.plan_file": ("read_plan_file", "write_plan_file"),
+    "interp.rate_limits": ("RateLimits",),
+    "interp.step": ("PlanStep",),
     "interp.taylor": ("InterpolatorTable", "TaylorTable", "quintic_step", "start", "taylor_step"),
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}

@@ -17,6 +17,9 @@ stop from full rate are chosen:
 
     stop = R / H + R / L,   R = largest |r'| = sqrt(2 H L / (H + L)).
 
+Where the curvature jumps, the acceleration of an axis steps by r^2 D, and samples at the period T see up to 3/4 r^2 D / T of
+that as a jerk; points within three periods of such steps have their sum in a column more.
+
 Why it is feasible at every rate and not only at those looked at: rates are cut into cells, and a cell takes the largest r, the
 largest r' and the largest r'' in it.  Why at every point of the plan: between two nodes each axis is looked at 17 times, and
 what it has of acceleration and jerk is taken larger by a share that covers what lies between.
@@ -24,10 +27,11 @@ what it has of acceleration and jerk is taken larger by a share that covers what
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import sqrt
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from planner.machine.limits import Limits
@@ -41,8 +45,14 @@ _BETWEEN = 1e-4
 # Of the bounds: ten times what roundings of a step may exceed them by.
 _FOR_ROUNDINGS = 1e-8
 _CELLS = 400
-_ORDERS = 24  # H is searched for by golden section over its logarithm, L by bisection
-_WIDEST = 1e4
+# Jerk that samples see of a step of the acceleration by 1, times their period: the peak of the quadratic B-spline, within
+# whose support a sample averages jerk from three periods before to three after.
+_STEP_SEEN, _STEP_REACH = 0.75, 3.0
+_STEP_COUNTS = 1e-6  # of the acceleration limit: less is no step but roundings
+_LEAST, _MOST = 1e-3, 1e6  # of H: a stop within a minute, and within a few ms
+# H is tried at so many shares of the largest that holds with L = H; L is found by bisection of the factor between them.
+_SHARES = np.linspace(0.5, 0.99, 15)
+_WIDEST, _CLOSE, _EXACT = 100.0, 1.02, 1.0005
 
 
 @dataclass(frozen=True)
@@ -77,7 +87,7 @@ class RateLimits:
 
 @dataclass(frozen=True)
 class _Axis:
-    """Points (n, 3) of |q_tau|, |q_tautau|, |q_tautautau| that may be the worst, and the limits on the last two."""
+    """Points (n, 4) of |q_tau|, |q_tautau|, |q_tautautau| and what samples see of steps, and the limits on the inner two."""
 
     points: FloatArray
     acceleration: float
@@ -94,30 +104,40 @@ def rate_limits(profile: FeedrateProfile, limits: Limits) -> RateLimits | None:
         Of the machine, on the axes of the curve: those that the motion must keep at every rate.
     """
     axes = _axes(profile, limits)
-
-    def best(high: float) -> RateLimits | None:
-        if not _holds(axes, high, high):
+    # Few points decide: the bounds of some are found, the points that break them are added, until none does.
+    some = [replace(axis, points=axis.points[np.unique(axis.points.argmax(axis=0))]) for axis in axes]
+    while True:
+        found = _fastest(some)
+        if found is None:
             return None
-        factor, wide = 1.0, _WIDEST
-        while wide / factor > 1.01:
-            middle = sqrt(factor * wide)
-            if _holds(axes, high, middle * high):
-                factor = middle
-            else:
-                wide = middle
-        return _bounds(high, factor * high)
+        broken = [_breaking(axis, found.high, found.low) for axis in axes]
+        if not any(points.size for points in broken):
+            return RateLimits(
+                found.high * (1.0 - _FOR_ROUNDINGS), found.low * (1.0 - _FOR_ROUNDINGS), found.low_until
+            )
+        some = [
+            replace(axis, points=np.unique(np.concatenate([axis.points, points]), axis=0))
+            for axis, points in zip(some, broken, strict=True)
+        ]
 
-    lo, hi = 1e-3, 1e6
+
+def _fastest(axes: list[_Axis]) -> RateLimits | None:
+    """The bounds with the shortest stop by the points of some axes; None where there are none."""
+    lo, hi = _LEAST, _MOST
     if not _holds(axes, lo, lo):
         return None
-    while hi / lo > 1.0001:  # the largest H with L = H
+    while hi / lo > _EXACT:  # the largest H with L = H
         middle = sqrt(lo * hi)
         lo, hi = (middle, hi) if _holds(axes, middle, middle) else (lo, middle)
-    tried = [found for found in map(best, lo * np.geomspace(0.2, 1.0, _ORDERS)) if found is not None]
-    found = min(tried, key=lambda bounds: bounds.stop_time)
-    return RateLimits(
-        found.high * (1.0 - _FOR_ROUNDINGS), found.low * (1.0 - _FOR_ROUNDINGS), found.low_until, found.longest_period
-    )
+
+    def with_low(share: float) -> RateLimits:
+        high, factor, wide = share * lo, 1.0, _WIDEST
+        while wide / factor > _CLOSE:
+            middle = sqrt(factor * wide)
+            factor, wide = (middle, wide) if _holds(axes, high, middle * high) else (factor, middle)
+        return _bounds(high, factor * high)
+
+    return min(map(with_low, _SHARES.tolist()), key=lambda bounds: bounds.stop_time)
 
 
 def _bounds(high: float, low: float) -> RateLimits:
@@ -128,21 +148,36 @@ def _bounds(high: float, low: float) -> RateLimits:
 
 def _axes(profile: FeedrateProfile, limits: Limits) -> list[_Axis]:
     """What each axis has, and the tool tip along its path where that is limited."""
-    triples = _triples(profile)
+    quadruples = _quadruples(profile, limits)
     pairs = list(zip(limits.acceleration.tolist(), limits.jerk.tolist(), strict=True))
     pairs.append((limits.tangential_acceleration, limits.tangential_jerk))
     found = []
-    for points, (acceleration, jerk) in zip(triples, pairs, strict=True):
+    for points, (acceleration, jerk) in zip(quadruples, pairs, strict=False):  # the tip's only where it is limited
         if not (np.isfinite(acceleration) or np.isfinite(jerk)):
             continue
         points[:, 1] += _BETWEEN * (acceleration if np.isfinite(acceleration) else 0.0)
         points[:, 2] += _BETWEEN * (jerk if np.isfinite(jerk) else 0.0)
-        found.append(_Axis(_outermost(points), acceleration, jerk))
+        stepped = points[:, 3] > 0.0
+        points = np.concatenate([_outermost(points[~stepped]), np.unique(points[stepped], axis=0)])
+        found.append(_Axis(points, acceleration, jerk))
     return found
 
 
-def _triples(profile: FeedrateProfile) -> list[FloatArray]:
-    """|q_tau|, |q_tautau|, |q_tautautau| (n, 3) of every axis and of the tip's arc length, at points all over the plan."""
+def _steps_seen(profile: FeedrateProfile, i: NDArray[np.intp], acceleration: FloatArray, limit: float) -> FloatArray:
+    """Jerk that samples see of the steps of an acceleration (n, points) around every interval i (n,)."""
+    step = np.abs(acceleration[1:, 0] - acceleration[:-1, -1])
+    step = np.where(step > _STEP_COUNTS * (limit if np.isfinite(limit) else step.max(initial=0.0)), step, 0.0)
+    at, reach = profile.t[i[1:]], _STEP_REACH * profile.origin.period
+    total = np.concatenate([[0.0], np.cumsum(step)])
+    first = np.searchsorted(at, profile.t[i] - reach, side="left")
+    last = np.searchsorted(at, profile.t[i + 1] + reach, side="right")
+    seen = _STEP_SEEN / profile.origin.period * (total[last] - total[first])
+    # Differences of sums round: what is no step must be 0.
+    return np.where(seen > _STEP_SEEN / profile.origin.period * 1e-9 * total[-1], seen, 0.0)
+
+
+def _quadruples(profile: FeedrateProfile, limits: Limits) -> list[FloatArray]:
+    """What :class:`_Axis` has (n, 4), of every axis and of the tip's arc length, at points all over the plan."""
     i = np.flatnonzero(np.diff(profile.t) > 0.0)
     t, gap = profile.t[i], profile.t[i + 1] - profile.t[i]
     c = profile.law.coefficients(i)
@@ -162,19 +197,24 @@ def _triples(profile: FeedrateProfile) -> list[FloatArray]:
         d[2] * first**2 + d[1] * second,
         d[3] * first**3 + 3.0 * d[2] * first * second + d[1] * third,
     ]
-    by_axis = [np.stack([np.abs(order[..., j]).ravel() for order in orders], axis=1) for j in range(profile.curve.dim)]
-    states = profile.at(np.clip(t[:, None] + x, 0.0, profile.duration))
-    along = np.stack([np.abs(v).ravel() for v in (states.feed, states.acceleration, states.jerk)], axis=1)
-    return [*by_axis, along]
+    motions = [(*(order[..., j] for order in orders), float(limits.acceleration[j])) for j in range(profile.curve.dim)]
+    if np.isfinite(limits.tangential_acceleration) or np.isfinite(limits.tangential_jerk):
+        states = profile.at(np.clip(t[:, None] + x, 0.0, profile.duration))
+        motions.append((states.feed, states.acceleration, states.jerk, limits.tangential_acceleration))
+    found = []
+    for v, a, j, limit in motions:
+        seen = np.repeat(_steps_seen(profile, i, a, limit), _POINTS)
+        found.append(np.stack([np.abs(v).ravel(), np.abs(a).ravel(), np.abs(j).ravel(), seen], axis=1))
+    return found
 
 
 def _outermost(points: FloatArray) -> FloatArray:
-    """Those of points (n, 3) >= 0 that are the largest in a direction without a negative part."""
-    scale = points.max(axis=0)
+    """Those of points (n, 4), the last 0, that are the largest in a direction without a negative part."""
     kept = np.unique(points, axis=0)
+    scale = kept[:, :3].max(axis=0, initial=0.0)
     if kept.shape[0] < 16 or not (scale > 0.0).all():
         return kept
-    scaled = kept / scale
+    scaled = kept[:, :3] / scale
     corners = [scaled, np.zeros((1, 3))]
     corners += [scaled * mask for mask in np.array([[1, 1, 0], [1, 0, 1], [0, 1, 1], [1, 0, 0], [0, 1, 0], [0, 0, 1]])]
     try:
@@ -188,6 +228,18 @@ def _outermost(points: FloatArray) -> FloatArray:
 
 def _holds(axes: list[_Axis], high: float, low: float) -> bool:
     """Whether every axis keeps its limits at every rate, with all that the triangle allows there."""
+    return all((_excess(axis, high, low) <= 0.0).all() for axis in axes)
+
+
+def _breaking(axis: _Axis, high: float, low: float) -> FloatArray:
+    """Of the points that break a limit the worst at each rate, (n, 4)."""
+    excess = _excess(axis, high, low)
+    worst = excess.argmax(axis=0)
+    return axis.points[np.unique(worst[excess.max(axis=0) > 0.0])]
+
+
+def _excess(axis: _Axis, high: float, low: float) -> FloatArray:
+    """How far each point of an axis is beyond its limits at every rate, as a share of them, (points, cells)."""
     bounds = _bounds(high, low)
     tip = high / (high + low)
     # Cells even in r' on both sides of the tip; r' is largest at the tip.
@@ -197,10 +249,7 @@ def _holds(axes: list[_Axis], high: float, low: float) -> bool:
     slope = bounds.fastest * np.concatenate([z[1:], z[::-1][:-1]])
     start = np.concatenate([left[:-1], right[:-1]])
     curve = np.where(start <= bounds.low_until, low, high)
-    for axis in axes:
-        v, a, j = axis.points.T[:, :, None]
-        if np.isfinite(axis.acceleration) and (rate**2 * a + slope * v > axis.acceleration).any():
-            return False
-        if np.isfinite(axis.jerk) and (rate**3 * j + 3.0 * rate * slope * a + curve * v > axis.jerk).any():
-            return False
-    return True
+    v, a, j, d = axis.points.T[:, :, None]
+    of_acceleration = (rate**2 * a + slope * v) / axis.acceleration
+    of_jerk = (rate**3 * j + rate**2 * d + 3.0 * rate * slope * a + curve * v) / axis.jerk
+    return np.maximum(of_acceleration, of_jerk) - 1.0

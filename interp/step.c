@@ -282,19 +282,24 @@ int feedplan_done(const feedplan_plan *plan, const feedplan_state *state)
     return since(period_of_state(state), state->sample, plan->duration) + state->behind >= -WHOLE_PERIOD * state->high;
 }
 
-static void put_end(const feedplan_plan *plan, feedplan_state *state, double *position_out)
+/* Write an end of the path, which stands in the file as the curve has it: its pieces may round. */
+static void put_end(const feedplan_plan *plan, const double *end, double *out)
 {
     for (int64_t j = 0; j < plan->dim; j++)
-        position_out[j] = plan->end[j];
-    state->u = plan->u_end;
+        out[j] = end[j];
 }
 
 /* Write the position at the time of a state, whose segment does not begin after it. */
 static int put_sample(const feedplan_plan *plan, feedplan_state *state, double *out)
 {
     if (feedplan_done(plan, state)) {
-        put_end(plan, state, out);
+        put_end(plan, plan->end, out);
+        state->u = plan->u_end;
         return 1;
+    }
+    if (state->sample == 0.0 && state->behind == 0.0) {
+        put_end(plan, plan->start, out);
+        return 0;
     }
     const Period period = period_of_state(state);
     const Shape shape = shape_of_plan(plan);
@@ -355,10 +360,12 @@ static double next_speed(Motion m, Ways to)
     return next < lowest ? lowest : next;
 }
 
-/* The ways down from a rate to a target: what is left of r'^2 <= 2 L (r - target) above low_until grows by 2 H alone. */
+/* The ways down from a rate to a target: above the rates at which L is sure to hold, what is left of
+   r'^2 <= 2 L (r - target) grows by 2 H alone.  A period may begin that little above low_until that its end needs L. */
 static Ways ways_down(const feedplan_state *state, double target)
 {
-    const double low = state->jerk_low, high = state->jerk_high, until = state->low_until, rate = state->rate;
+    const double low = state->jerk_low, high = state->jerk_high, rate = state->rate;
+    const double until = state->low_until - state->fastest * (state->high + state->low);
     const double further = target >= until ? rate - target : rate - until + low / high * (until - target);
     return (Ways){rate, low, 1.0 - rate, high, rate - target, low, further, high};
 }
@@ -456,7 +463,7 @@ int feedplan_start(const feedplan_plan *plan, feedplan_state *state, double peri
 int feedplan_step(const feedplan_plan *plan, feedplan_state *state, double override, int hold, double *position_out)
 {
     if (feedplan_done(plan, state)) {
-        put_end(plan, state, position_out);
+        put_end(plan, plan->end, position_out);
         return 1;
     }
     double target = 1.0;

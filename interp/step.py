@@ -124,14 +124,14 @@ class PlanStep:
         -------
         positions : (n, dim) array
             n <= count: the last is the end where there are fewer.
-        course : (n, 3) array
-            Plan time, s, rate, and the slope of the rate, 1/s, after each step.
+        course : (n, 4) array
+            Plan time, s, rate, the slope of the rate, 1/s, and curve parameter after each step.
         """
         asked = np.ascontiguousarray(np.broadcast_to(np.asarray(override, dtype=np.float64), (count,)))
         held = np.ascontiguousarray(np.broadcast_to(np.asarray(hold, dtype=bool), (count,)))
         if not self.governed and (held.any() or (asked != 1.0).any()):
             raise InputError(_NOT_GOVERNED)
-        positions, course = np.empty((count, self.dim)), np.empty((count, 3))
+        positions, course = np.empty((count, self.dim)), np.empty((count, 4))
         taken = core.step_run(self._plan, self._state, count, asked, held, positions.reshape(-1), course.reshape(-1))
         if taken:
             self.position[:] = positions[taken - 1]
@@ -213,8 +213,8 @@ class PlanStep:
         Arrays ``override`` and ``hold`` are one value a period; after their last the rate asked for is 1.
         """
         size = max(np.size(override), np.size(hold)) if np.ndim(override) or np.ndim(hold) else 0
-        first = self.position.copy(), [self.time, self.rate, self.rate_slope]
-        parts, courses = [first[0][None]], [np.array([first[1]])]
+        parts = [self.position[None].copy()]
+        courses = [np.array([[self.time, self.rate, self.rate_slope, self.u]])]
         if size:
             positions, course = self.run(size, override, hold)
             parts.append(positions)
@@ -228,7 +228,7 @@ class PlanStep:
                 raise InputError("the plan is held for ever: override or hold must let it run")
         position = np.concatenate(parts)
         t = self.period * np.arange(position.shape[0], dtype=np.float64)
-        return Samples(self.period, t, np.concatenate(courses)[:, 0], position, axes=axes)
+        return Samples(self.period, t, np.concatenate(courses)[:, 3], position, axes=axes)
 
     def _looked(self, which: int) -> float:
         scratch = np.empty(self.dim)

@@ -44,9 +44,11 @@ int64_t step_run(const uint8_t *plan, uint8_t *state, int64_t count, const doubl
     feedplan_state *at = state_of(state);
     for (int64_t i = 0; i < count; i++) {
         const int done = feedplan_step(of, at, override[i], hold[i], positions + i * of->dim);
-        course[3 * i] = feedplan_time(of, at);
-        course[3 * i + 1] = at->rate;
-        course[3 * i + 2] = at->rate_slope;
+        double *row = course + 4 * i;
+        row[0] = feedplan_time(of, at);
+        row[1] = at->rate;
+        row[2] = at->rate_slope;
+        row[3] = at->u;
         if (done)
             return i + 1;
     }

@@ -18,7 +18,7 @@ int64_t step_seek(const uint8_t *plan, uint8_t *state, double time, int64_t samp
 int64_t step_once(const uint8_t *plan, uint8_t *state, const double *command, double *position);
 
 /* Count steps, or as many as there are to the end: override (count), hold (count); positions (count, dim), and for each step
-   the plan time, the rate and its slope: course (count, 3).  Returns how many were taken. */
+   the plan time, the rate, its slope and the curve parameter: course (count, 4).  Returns how many were taken. */
 int64_t step_run(const uint8_t *plan, uint8_t *state, int64_t count, const double *override, const uint8_t *hold,
                  double *positions, double *course);
 

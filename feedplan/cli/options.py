@@ -35,6 +35,13 @@ def _or_files(names: list[str], incomplete: str) -> list[CompletionItem]:
     return [CompletionItem(name) for name in names] or [CompletionItem(incomplete, type="file")]
 
 
+override_reserve = click.option(
+    "--override-reserve",
+    type=float,
+    default=0.0,
+    metavar="SHARE",
+    help="Share of every jerk limit, and a third of it of every acceleration limit, to leave for feed override and hold; 0.1 is usual.",
+)
 curve = click.argument(
     "curve",
     metavar="CURVE",

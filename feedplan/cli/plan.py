@@ -67,6 +67,7 @@ class MethodName(StrEnum):
 @click.option("--end-feed-mm-s", type=float, default=0.0, help="Feed at the end of the path.")
 @click.option("--periodic", is_flag=True, help="Pass the end into the start without a stop.")
 @click.option("--exact-stop", is_flag=True, help="Stop wherever the curvature jumps, not only in corners.")
+@options.override_reserve
 @options.tolerance
 @options.tools
 @options.ignore
@@ -101,6 +102,7 @@ def plan(
     end_feed_mm_s: float,
     periodic: bool,
     exact_stop: bool,
+    override_reserve: float,
     tolerance_mm: float | None,
     tools: Path | None,
     ignore: tuple[str, ...],
@@ -156,6 +158,7 @@ def plan(
             path=path_for(curve, path, ends | {"method": method.value}),
             side=side,
             share=share,
+            override_reserve=override_reserve,
             notice=notice,
         )
         from feedplan.progress import ProgressLine

@@ -34,6 +34,7 @@ from planner.output.table_header import (
     notes_of,
     number_of,
     origin_of,
+    reserve_lines,
     slowed_of,
     status_of,
     tolerance_lines,
@@ -85,7 +86,7 @@ def write_table(path: str | Path, profile: FeedrateProfile, limits: Limits, *, r
         ``.csv`` (also without a suffix) or ``.npz``.
     profile : FeedrateProfile
     limits : Limits
-        The limits it was planned for; they go into the header.
+        Those of the machine, of which the plan may leave a reserve; they go into the header.
     report : Report, optional
         What :func:`~planner.verify.check` says of the plan under these limits; checked here if left out.  A plan that
         breaks a limit is written, and the line ``verdict`` says so.
@@ -117,6 +118,7 @@ def write_table(path: str | Path, profile: FeedrateProfile, limits: Limits, *, r
         **_limit_lines(curve.axes, limits),
         **({"slowed": json.dumps(profile.slowed)} if profile.slowed else {}),
         **tolerance_lines(profile.origin.tolerance),
+        **reserve_lines(profile.origin.override_reserve),
         "limit_names": ", ".join(profile.limit_names),
         "notes": json.dumps(profile.notes),
         "rows": str(profile.t.size),
@@ -159,7 +161,7 @@ def read_table(path: str | Path, curve: Curve) -> FeedrateProfile:
         require_axes(file, curve)
         names = limit_names(curve.axes)
         _require_lines(file, {"axes": " ".join(curve.axes), "limit_names": ", ".join(names)})
-        limits = _limits_of(file)
+        limits, origin = _limits_of(file), origin_of(file)
         written = file.columns(wanted, {"binding": names})
         columns = columns_on_curve(file, written, curve, _axis_columns(curve))
         _require_time_law(file, columns, curve)
@@ -174,15 +176,15 @@ def read_table(path: str | Path, curve: Curve) -> FeedrateProfile:
             limit_names=names,
             lower_bound=number_of(file, "lower_bound_s"),
             method=header["method"],
-            limits=limits,
+            limits=limits.with_reserve(origin.override_reserve) if origin.override_reserve else limits,
             claim=Claim.TABLE,
-            origin=origin_of(file),
+            origin=origin,
             status=status_of(file),
             notes=notes_of(file),
             slowed=slowed_of(file, columns["t_s"].size),
             checked=header["verdict"],
         )
-        _require_agreement(file, columns, profile, limits)
+        _require_agreement(file, columns, profile, profile.limits)
         _require_facts(file, profile)
         file.require_rows(written)
         file.require_only([*_KEYS, *OPTIONAL_KEYS, *(key for keys in _limit_keys(curve.axes).values() for key in keys)])

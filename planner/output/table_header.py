@@ -11,6 +11,7 @@ from planner.errors import InputError
 from planner.files.columns import ColumnFile
 from planner.geometry.tolerance import PathKind, PathSide, PathTolerance
 from planner.inputs import plain_number, shorten
+from planner.machine.limits import MAX_RESERVE
 from planner.machine.machine_file import EXAMPLE_MACHINES
 from planner.origin import Origin
 from planner.status import Status
@@ -21,7 +22,8 @@ _TRUTH = {"yes": True, "no": False}
 _TOLERANCE, _SHARE, _MACHINE, _OWN = "path_tolerance_mm", "path_share", "path_machine", "P words"
 _KIND, _SIDE = "path_kind", "path_side"
 _SLOWED = "slowed"
-OPTIONAL_KEYS = (_SLOWED, _TOLERANCE, _SHARE, _MACHINE, _KIND, _SIDE)
+_RESERVE = "override_reserve"
+OPTIONAL_KEYS = (_SLOWED, _RESERVE, _TOLERANCE, _SHARE, _MACHINE, _KIND, _SIDE)
 # How earlier versions began what they said of the status.
 _STATUS_BEFORE = {
     "slowed down by": "slowed",
@@ -76,7 +78,27 @@ def _one_of(file: ColumnFile, key: str, words: dict[str, _Word], default: _Word)
 def origin_of(file: ColumnFile) -> Origin:
     """Read how the plan was asked for."""
     truths = {key: _truth(file, key) for key in ("exact_stop", "periodic")}
-    return Origin(number_of(file, "limit_period_s"), **truths, tolerance=_tolerance(file))
+    reserve = _reserve(file)
+    return Origin(
+        number_of(file, "limit_period_s"), **truths, tolerance=_tolerance(file), override_reserve=reserve
+    )
+
+
+def reserve_lines(reserve: float) -> dict[str, str]:
+    """Header line of what a plan leaves for feed override: none where it leaves nothing."""
+    return {_RESERVE: repr(reserve)} if reserve else {}
+
+
+def _reserve(file: ColumnFile) -> float:
+    """Read what a plan leaves of its limits for feed override; 0 where nothing is said."""
+    if _RESERVE not in file.header:
+        return 0.0
+    reserve = number_of(file, _RESERVE)
+    if not 0.0 < reserve <= MAX_RESERVE:
+        raise InputError(
+            f"{file.path}: the header says {_RESERVE} = {reserve!r}; it must be > 0 and at most {MAX_RESERVE}"
+        )
+    return reserve
 
 
 def status_of(file: ColumnFile) -> Status:

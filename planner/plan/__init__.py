@@ -63,6 +63,7 @@ def plan_feedrate(
     intervals: int | None = None,
     exact_stop: bool = False,
     reserve: Sequence[tuple[float, float]] = (),
+    override_reserve: float = 0.0,
     progress: Progress | None = None,
 ) -> FeedrateProfile:
     """Find the feedrate profile that finishes the curve soonest within the limits.
@@ -93,6 +94,9 @@ def plan_feedrate(
     reserve : sequence of (u, share)
         Leave a share of the limits unused from each parameter on, in increasing order, so that another plan may go on from
         there: its solver needs room around the state it begins with (methods ``optimal`` and ``nlp``).
+    override_reserve : float
+        Leave this share of every jerk limit, and a third of it of every acceleration limit, for feed override and feed hold
+        while the plan runs, 0 to 0.5.  The plan remembers it; its ``limits`` are what it may use.
     progress : callable, optional
         Called with a message and the share done (or None).
 
@@ -111,6 +115,8 @@ def plan_feedrate(
     """
     began = time.perf_counter()
     limits = require_limits(curve, limits)
+    if override_reserve:
+        limits = limits.with_reserve(override_reserve)
     periodic, exact_stop = require_flag(periodic, "periodic"), require_flag(exact_stop, "exact_stop")
     _validate(curve, limits, method, start_feed, end_feed, periodic, budget, intervals)
     if start_acceleration is not None:
@@ -165,7 +171,7 @@ def plan_feedrate(
         profile,
         lower_bound=PlanBound(tuple(plan.bound for plan in plans)),  # type: ignore[arg-type]  # computed on demand
         claim=Claim.COMPUTED,
-        origin=Origin(limits.period, exact_stop, periodic, curve.made_within),
+        origin=Origin(limits.period, exact_stop, periodic, curve.made_within, override_reserve),
         status=next((plan.status for plan in plans if not plan.status.as_meant), plans[0].status),
         notes=_notes(sections, plans, limits),
         saved_by_one_percent=_saved(plans),
