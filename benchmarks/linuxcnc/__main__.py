@@ -1,6 +1,7 @@
 """Predicted against actual time of programs that ``feedplan ngc`` writes, in headless LinuxCNC.
 
     python -m benchmarks.linuxcnc [-o results.json] [--only slots] [program.ngc ...]
+    python -m benchmarks.linuxcnc rt ...       LinuxCNC's thread runs the plan itself: see rt.py
 
 Every curve and part program is planned on the mill's limits, written, read by rs274 and run on a machine with **the plan's
 own acceleration** (LinuxCNC has no jerk limit).  "predicted" is what ``write_ngc`` says that LinuxCNC takes, "planned" is
@@ -22,6 +23,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.cases import mill
+from benchmarks.linuxcnc import rt
 from benchmarks.linuxcnc.interpreter import interpret, is_installed
 from benchmarks.linuxcnc.machine import largest_distance, run_program
 from feedplan.job import load_job
@@ -105,6 +107,8 @@ def missed(row: dict[str, Any]) -> bool:
 
 
 def main() -> int:
+    if sys.argv[1:2] == ["rt"]:
+        return rt.main(sys.argv[2:])
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("programs", nargs="*", type=Path, help="programs to run as they are, on the mill's limits")
     parser.add_argument("-o", "--output", type=Path)

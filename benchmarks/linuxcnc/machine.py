@@ -13,8 +13,8 @@ import shutil
 import signal
 import subprocess
 import tempfile
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -42,6 +42,8 @@ class Run:
     version : str
     queued : int
         Moves that were in the queue when the feed was let go.
+    planner_clocks : (n,) array
+        What its two real-time functions took in each period of the cut, clocks of the processor.
     """
 
     cut_time: float
@@ -49,6 +51,7 @@ class Run:
     version: str
     queued: int
     trace: NDArray[np.float64]
+    planner_clocks: NDArray[np.float64]
 
     @property
     def whole_time(self) -> float:
@@ -73,8 +76,7 @@ def run_program(
 
     Raises RuntimeError with what went wrong.
     """
-    with tempfile.TemporaryDirectory(prefix="linuxcnc-") as name, open(Path(tempfile.gettempdir(), _LOCK), "w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
+    with tempfile.TemporaryDirectory(prefix="linuxcnc-") as name, the_only_linuxcnc():
         folder = Path(name)
         folder.chmod(0o777)
         job = {
@@ -101,26 +103,41 @@ def run_program(
     held = int(np.argmax(np.any(np.diff(position, axis=0) != 0.0, axis=1)))
     moving = np.flatnonzero(np.any(np.diff(rows[:, 1:4], axis=0) != 0.0, axis=1))
     trace = rows[moving[0] : moving[-1] + 2, 1:4]
-    return Run((cuts.size - held) * SERVO_PERIOD, position[held:], result["version"], result["queued"], trace)
+    clocks = rows[cuts, 5] + rows[cuts, 6]
+    return Run((cuts.size - held) * SERVO_PERIOD, position[held:], result["version"], result["queued"], trace, clocks)
 
 
 def _samples(path: Path) -> NDArray[np.float64]:
-    """Sample number, X, Y, Z and motion type; none may be missing."""
+    """Sample number, X, Y, Z, motion type, and clocks of the two real-time functions; none may be missing."""
     text = path.read_text()
     if "overrun" in text:
         raise RuntimeError("the sampler lost samples: the computer is too busy")
-    rows = np.array([line.split() for line in text.splitlines() if line.count(" ") >= 4], dtype=np.float64)
+    rows = np.array([line.split() for line in text.splitlines() if line.count(" ") >= 6], dtype=np.float64)
     if rows.size == 0 or (np.diff(rows[:, 0]) != 1.0).any():
         raise RuntimeError("the sampler lost samples: the computer is too busy")
     return rows
 
 
-def _start(folder: Path, seconds: float) -> str:
-    """Run LinuxCNC to its end; returns what it printed."""
+@contextmanager
+def the_only_linuxcnc() -> Iterator[None]:
+    """Wait until no other of our LinuxCNCs runs: there is one real-time part a computer."""
+    with open(Path(tempfile.gettempdir(), _LOCK), "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+
+
+def realtime_environment(folder: Path) -> dict[str, str]:
+    """Variables under which LinuxCNC's real-time part runs without a screen, its files in a folder."""
     environment = {**os.environ, "HOME": str(folder), "PATH": "/usr/bin:/bin:/usr/sbin:/sbin"}
     environment.pop("DISPLAY", None)
-    if os.geteuid() == 0:  # its real-time part does not run as root
+    if os.geteuid() == 0:  # it does not run as root
         environment |= {"RTAPI_UID": "65534", "RTAPI_FIFO_PATH": str(folder / "rtapi.fifo")}
+    return environment
+
+
+def _start(folder: Path, seconds: float) -> str:
+    """Run LinuxCNC to its end; returns what it printed."""
+    environment = realtime_environment(folder)
     log = folder / "log.txt"
     with open(log, "w") as file:
         process = subprocess.Popen(
@@ -189,12 +206,14 @@ def _configure(folder: Path, velocity: Sequence[float], acceleration: Sequence[f
     (folder / "machine.hal").write_text(
         "loadrt [KINS]KINEMATICS\n"
         "loadrt [EMCMOT]EMCMOT servo_period_nsec=[EMCMOT]SERVO_PERIOD num_joints=[KINS]JOINTS\n"
-        "loadrt sampler depth=60000 cfg=fffs\n"
+        "loadrt sampler depth=60000 cfg=fffsss\n"
         "addf motion-command-handler servo-thread\n"
         "addf motion-controller servo-thread\n"
         f"{joints}"
         "addf sampler.0 servo-thread\n"
         "net motion-type motion.motion-type => sampler.0.pin.3\n"
+        "net handler-clocks motion-command-handler.time => sampler.0.pin.4\n"
+        "net controller-clocks motion-controller.time => sampler.0.pin.5\n"
         "net recording sampler.0.enable\n"
         "sets recording 0\n"
         "net estop iocontrol.0.user-enable-out => iocontrol.0.emc-enable-in\n"

@@ -27,7 +27,7 @@ pin out bit done "The end of the plan is reached";
 pin out bit governed "The plan obeys override, hold and run";
 pin out float feed "Feed of the linear axes during the last period, mm/s";
 pin out float rate "Share of the planned rate at which the plan runs now";
-pin out float time "Time within the plan, s";
+pin out float plan_time "Time within the plan, s";
 pin out float progress "Share of the plan's duration that is done, 0 to 1";
 pin out s32 line "Number of the program line that is being run, 0 if the plan is of no program";
 
@@ -73,7 +73,7 @@ FUNCTION(_)
     governed = shown.obeys;
     feed = shown.path_feed;
     rate = shown.plan_rate;
-    time = shown.plan_time;
+    plan_time = shown.time_done;
     progress = shown.share_done;
     line = (hal_s32_t)shown.program_line;
 }

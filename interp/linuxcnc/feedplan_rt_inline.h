@@ -25,7 +25,7 @@ typedef struct {
 
 /* What the pins show beside the positions. */
 typedef struct {
-    double path_feed, plan_rate, plan_time, share_done;
+    double path_feed, plan_rate, time_done, share_done;
     int at_end, obeys;
     int64_t program_line;
 } Shown;
@@ -109,7 +109,7 @@ static inline void run_period(Runner *runner, double seconds, double override, i
     runner->may_restart = shown->at_end && (runner->may_restart || !run);
     shown->path_feed = step_length(runner, sample) / seconds;
     shown->plan_rate = state->begun && !shown->at_end ? state->rate : 0.0;
-    shown->plan_time = feedplan_time(plan, state);
+    shown->time_done = feedplan_time(plan, state);
     shown->share_done = feedplan_progress(plan, state);
     shown->program_line = feedplan_line(plan, state);
 }
