@@ -21,6 +21,7 @@ from math import ceil
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from interp import plan_file
 from interp.plan_file import PlanFile, read_plan_file
@@ -148,7 +149,7 @@ class PacketStream:
     """
 
     def __init__(
-        self, period: float, dim: int, packet_size: int, slots: int = 3, memory: np.ndarray | None = None
+        self, period: float, dim: int, packet_size: int, slots: int = 3, memory: NDArray[np.uint8] | None = None
     ) -> None:
         size = self.memory_size(packet_size, slots)
         self._memory = np.zeros(size // 8 + 1).view(np.uint8)[:size] if memory is None else memory
@@ -159,6 +160,13 @@ class PacketStream:
             )
         self.position, self._course, self._command = np.zeros(dim), np.zeros(3), np.array([1.0, 0.0])
         self._step = core.stream_step.bind(self._memory, self._command, self.position, self._course)
+
+    @classmethod
+    def attach(cls, memory: NDArray[np.uint8]) -> PacketStream:
+        """The producer's side of a stream that stands in memory; it does not step."""
+        stream = cls.__new__(cls)
+        stream._memory = memory
+        return stream
 
     @staticmethod
     def memory_size(packet_size: int, slots: int = 3) -> int:
