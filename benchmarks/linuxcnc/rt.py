@@ -183,8 +183,9 @@ def _operate(
         return said.stdout.strip() == "TRUE"
 
     end = time.monotonic() + seconds
+    # The last signal of the HAL file: all that it names is loaded then.
     while subprocess.run(
-        ["halcmd", "getp", "feedplan-rt.rate"], env=environment, capture_output=True, check=False
+        ["halcmd", "gets", "clocks"], env=environment, capture_output=True, check=False
     ).returncode:
         if time.monotonic() > end or hal.poll() is not None:
             raise RuntimeError("HAL did not come up")
