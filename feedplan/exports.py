@@ -18,9 +18,10 @@ if TYPE_CHECKING:
     from feedplan.verdict import Verdict
     from planner.types import Progress
 
-EXPORT_SUFFIXES = {"csp": (".csv", ".npz"), "ros": (".yaml", ".yml"), "steps": (".steps", ".csv")}
+EXPORT_SUFFIXES = {"fpr": (".fpr",), "csp": (".csv", ".npz"), "ros": (".yaml", ".yml"), "steps": (".steps", ".csv")}
 """The first of a format is meant where a name has no suffix; of two formats with one suffix the first."""
 _OWN = {
+    "fpr": (),
     "csp": ("period_s", "counts_per_mm", "counts_per_rad", "velocity_offset"),
     "ros": ("joint_names", "deviation_mm"),
     "steps": ("steps_per_mm", "steps_per_rad", "clock_hz", "pulse_us", "space_us", "setup_us", "hold_us"),
@@ -124,7 +125,7 @@ def export_plan(
     verdict : Verdict
         Of the plan, as :meth:`Job.judge` gives it.
     path : str or Path
-    kind : {"csp", "ros", "steps"}
+    kind : {"fpr", "csp", "ros", "steps"}
     progress : callable
         Is told what is being done.
     options
@@ -143,7 +144,28 @@ def export_plan(
             raise BrokenLimitError(f"{path}: not written: {said} {report.summary()}; plan again within the limits")
     given = {key: options.get(key) for key in _OWN[kind]}
     progress(f"writing {path}", None)
-    return {"csp": _cyclic, "ros": _trajectory, "steps": _pulses}[kind](job, verdict, Path(path), given)
+    return {"fpr": _plan_file, "csp": _cyclic, "ros": _trajectory, "steps": _pulses}[kind](job, verdict, Path(path), given)
+
+
+def _plan_file(job: Job, verdict: Verdict, path: Path, given: Mapping[str, Any]) -> Exported:
+    """What the C step of a controller reads, with the lines of the program that the path is of."""
+    import numpy as np
+
+    from interp.plan_file import write_plan_file
+
+    lines = np.empty((0, 2))
+    if job.program is not None and job.path is not None:
+        from planner.programs.times import move_edges
+
+        lines = np.stack([move_edges(job.path, verdict.profile)[:-1], job.program.line], axis=1)
+        lines = lines[np.diff(lines[:, 1], prepend=-1.0) != 0.0]  # a line may have several moves
+    # Left out, the limits are those of the plan, to which the file adds the reserve that it was made with.
+    limits = None if job.limits == verdict.profile.limits else job.limits
+    write_plan_file(verdict.profile, path, limits, lines=lines)
+    nodes, size = verdict.profile.t.size, path.stat().st_size
+    said = f", {len(lines)} lines of the program" if len(lines) else ""
+    text = f"{nodes} nodes of the plan{said}, {size} bytes, for interp/step.c"
+    return Exported(text, {"nodes": nodes, "lines": len(lines), "bytes": size})
 
 
 def _cyclic(job: Job, verdict: Verdict, path: Path, given: Mapping[str, Any]) -> Exported:

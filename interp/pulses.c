@@ -2,6 +2,7 @@
 #include "interp/pulses.h"
 
 #include "interp/step_inline.h"
+#include "planner/core.h"
 
 #include <stddef.h>
 

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 @click.command(
     epilog=(
         "\b\nExamples:\n"
+        "  feedplan export table.csv butterfly-nurbs -o part.fpr\n"
         "  feedplan export table.csv butterfly-nurbs --counts-per-mm 10000 -o drives.csv\n"
         "  feedplan export table.csv butterfly-nurbs --joint-names x,y -o trajectory.yaml\n"
         "  feedplan export table.csv butterfly-nurbs --steps-per-mm X=800,Y=800 -o part.steps\n"
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
     "--format",
     "kind",
     type=click.Choice(list(EXPORT_SUFFIXES)),
-    help="Positions of drives a cycle (csp), JointTrajectory of ROS 2 (ros), step and direction pulses (steps).",
+    help="Plan file of the C step (fpr), positions of drives a cycle (csp), JointTrajectory of ROS 2 (ros), step and direction pulses (steps).",
 )
 @options.machine
 @options.tolerance
