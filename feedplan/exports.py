@@ -94,7 +94,7 @@ def per_axis(
                 f"{what} per {unit} of {', '.join(missing)} are missing; give them with {option}, one number for all "
                 f"or {','.join(f'{axis}=...' for axis in own)}"
             )
-    return found
+    return {axis: found[axis] for axis in axes}
 
 
 def _numbers(given: str | float | None, option: str, own: tuple[str, ...]) -> dict[str, float]:
@@ -144,7 +144,9 @@ def export_plan(
             raise BrokenLimitError(f"{path}: not written: {said} {report.summary()}; plan again within the limits")
     given = {key: options.get(key) for key in _OWN[kind]}
     progress(f"writing {path}", None)
-    return {"fpr": _plan_file, "csp": _cyclic, "ros": _trajectory, "steps": _pulses}[kind](job, verdict, Path(path), given)
+    return {"fpr": _plan_file, "csp": _cyclic, "ros": _trajectory, "steps": _pulses}[kind](
+        job, verdict, Path(path), given
+    )
 
 
 def _plan_file(job: Job, verdict: Verdict, path: Path, given: Mapping[str, Any]) -> Exported:
@@ -185,7 +187,7 @@ def _cyclic(job: Job, verdict: Verdict, path: Path, given: Mapping[str, Any]) ->
         for axis, unit in zip(job.curve.axes, job.curve.axis_units, strict=True)
     )
     text = f"{rows} rows, one every {1e3 * samples.period:g} ms; rounded by half an increment at most: {half}"
-    return Exported(text, {"rows": rows, "period_s": samples.period, "counts": increments})
+    return Exported(text, {"rows": rows, "period_s": samples.period, "counts": list(increments.values())})
 
 
 def _trajectory(job: Job, verdict: Verdict, path: Path, given: Mapping[str, Any]) -> Exported:
@@ -233,9 +235,9 @@ def _pulses(job: Job, verdict: Verdict, path: Path, given: Mapping[str, Any]) ->
         f"the plan{left}"
     )
     facts = {
-        "pulses": dict(zip(axes, done.pulses, strict=True)),
-        "highest_hz": dict(zip(axes, done.highest_hz, strict=True)),
-        "allowed_hz": driver.max_hz,
+        "pulses": done.pulses,
+        "highest_hz": done.highest_hz,
+        "allowed_hz": round(driver.max_hz, 6),
         "error_steps": done.error_steps,
         "left_out": done.left_out,
     }

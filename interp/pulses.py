@@ -101,7 +101,9 @@ class StepDriver:
         for axis in axes:
             if axis not in self.steps:
                 unit = "rad" if axis in ROTARY_AXES else "mm"
-                raise InputError(f"steps per {unit} of {axis} are missing; give them for each of the axes {' '.join(axes)}")
+                raise InputError(
+                    f"steps per {unit} of {axis} are missing; give them for each of the axes {' '.join(axes)}"
+                )
         return np.array([float(self.steps[axis]) for axis in axes])
 
 

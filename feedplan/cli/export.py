@@ -127,6 +127,7 @@ def export(
                 "curve": job.curve.name,
                 "machine": at.told(job.machine),
                 "format": kind,
+                "axes": list(job.curve.axes),
                 **done.facts,
                 "files": [name],
             }

@@ -156,7 +156,7 @@ def _header(
     named = list(zip(curve.axes, curve.axis_units, factor.tolist(), strict=True))
     noise = {"velocity": (1, "s"), "acceleration": (2, "s2"), "jerk": (4, "s3")}
     bounds = {
-        f"rounding_{quantity}_{axis}_{unit}_{suffix}": repr(by / (abs(each) * samples.period ** int(suffix[1:] or 1)))
+        f"rounding_{quantity}_{axis}_{unit}_{suffix}": f"{by / (abs(each) * samples.period ** int(suffix[1:] or 1)):.6g}"
         for quantity, (by, suffix) in noise.items()
         for axis, unit, each in named
     }

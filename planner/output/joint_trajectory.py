@@ -207,7 +207,7 @@ class _Motion:
 def _yaml(names: Sequence[str], motion: _Motion, ticks: NDArray[np.int64], done: JointPoints) -> Iterator[str]:
     curve = motion.profile.curve
     scale = np.array([1.0 if axis in ROTARY_AXES else 1e-3 for axis in curve.axes])
-    units = " ".join("rad" if axis in ROTARY_AXES else "m" for axis in curve.axes)
+    units = ", ".join(sorted({"rad" if axis in ROTARY_AXES else "m" for axis in curve.axes}))
     yield (
         f"# trajectory_msgs/msg/JointTrajectory of {' '.join(curve.name.split())}: {done.points} points, {units}, s\n"
         f"# quintics between the points are within {done.deviation:.2g} mm (rad) of the plan and use "

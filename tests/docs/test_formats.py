@@ -18,6 +18,7 @@ from doc_pages import DOCS, blocks, key_tables
 import feedplan.cli.plan
 import feedplan.progress
 from feedplan.cli import app
+from feedplan.exports import EXPORT_SUFFIXES
 from planner import load_curve, load_limits, plan_feedrate, write_table
 from planner.errors import InputError
 from planner.geometry import catalog
@@ -322,6 +323,36 @@ def test_json_of_many_programs(json_of):
     for row in swept["programs"]:
         row["scale_*"] = row.pop("scale_velocity")
     agree_json("batch", [many, swept])
+
+
+def test_files_of_controllers(files):
+    """Columns and headers of every format that has them, and which formats and suffixes there are."""
+    listed = {row[0]: tuple(re.findall(r"`(\.\w+)`", row[1])) for row in rows("format-export", "formats")}
+    assert listed == EXPORT_SUFFIXES
+    table = files / "flank.csv"
+    counts = ("--counts-per-mm", "1000", "--counts-per-rad", "1000", "--velocity-offset")
+    steps = ("--steps-per-mm", "100", "--steps-per-rad", "100", "--format", "steps")
+    for name, words in (("drives", counts), ("pulses", steps)):
+        with pytest.raises(SystemExit) as stop:
+            app(["export", str(table), "flank", *words, "-o", str(files / f"{name}.csv")], prog_name="feedplan")
+        assert not stop.value.code
+    listed = names("format-export", "csp columns")
+    assert columns(files / "drives.csv") == [
+        *spelled(listed[:1], "XYZAC"),
+        *spelled(listed[1:2], "XYZAC"),
+        *spelled(listed[2:], "XYZAC"),
+    ]
+    assert header(files / "drives.csv") == spelled(names("format-export", "csp header"), "XYZAC")
+    found = header(files / "pulses.csv")
+    assert found[-1] == "end"
+    assert found[:-1] == spelled(names("format-export", "steps header"), "XYZAC")
+
+
+def test_json_of_a_file_for_a_controller(files, json_of):
+    """Each format has keys of its own."""
+    table, steps = files / "teardrop.csv", ("--steps-per-mm", "100")
+    exports = [("c.csv", "--counts-per-mm", "10"), ("r.yaml",), ("s.steps", *steps), ("p.fpr",)]
+    agree_json("export", [json_of("export", table, "teardrop", "-o", files / name, *words) for name, *words in exports])
 
 
 def test_json_of_times(json_of):

@@ -39,13 +39,17 @@ def everything(profile, driver):
 def time_at(u):
     """When the quintic reaches u, to 40 digits."""
     with mp.workdps(40):
-        return mp.findroot(lambda x: 10 * x**3 - 15 * x**4 + 6 * x**5 - u, (mp.mpf(0), mp.mpf(1)), solver="anderson", tol=1e-60)
+        return mp.findroot(
+            lambda x: 10 * x**3 - 15 * x**4 + 6 * x**5 - u, (mp.mpf(0), mp.mpf(1)), solver="anderson", tol=1e-60
+        )
 
 
 class TestClosedForms:
     def test_a_straight_line(self):
         """X = 3 u: level k + 1/2 is passed where u = (k + 1/2) / 30."""
-        (tick, axis, up), summary = everything(rest_to_rest([[0.0, 0.0], [3.0, 0.0]]), StepDriver({"X": 10.0, "Y": 1.0}, PICO, **SLOW))
+        (tick, axis, up), summary = everything(
+            rest_to_rest([[0.0, 0.0], [3.0, 0.0]]), StepDriver({"X": 10.0, "Y": 1.0}, PICO, **SLOW)
+        )
         assert up.all()
         assert not axis.any()
         expected = [time_at((mp.mpf(k) + mp.mpf(1) / 2) / 30) for k in range(30)]
@@ -187,7 +191,8 @@ class TestWhereAnAxisTurns:
 
     def test_one_that_reaches_further_is_refused(self):
         with pytest.raises(
-            BrokenLimitError, match=r"Y: pulses at \d+\.?\d* Hz where it turns, .* us apart at t = 0\.51\d+ s, Y = 0\.105"
+            BrokenLimitError,
+            match=r"Y: pulses at \d+\.?\d* Hz where it turns, .* us apart at t = 0\.51\d+ s, Y = 0\.105",
         ):
             everything(self.peak(20.0 * MOST_EXCESS), self.driver(setup=0.05))
 

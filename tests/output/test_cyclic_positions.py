@@ -28,7 +28,10 @@ def planned(request):
 
 
 def counts_of(curve):
-    return {axis: (1e4 if unit == "mm" else 2.0**20) * (-1.0) ** k for k, (axis, unit) in enumerate(zip(curve.axes, curve.axis_units, strict=True))}
+    return {
+        axis: (1e4 if unit == "mm" else 2.0**20) * (-1.0) ** k
+        for k, (axis, unit) in enumerate(zip(curve.axes, curve.axis_units, strict=True))
+    }
 
 
 @pytest.fixture(scope="module")
@@ -107,11 +110,21 @@ class TestCounts:
 class TestInterpolationTime:
     @pytest.mark.parametrize(
         ("period", "found"),
-        [(1e-3, (1, -3)), (2.5e-4, (25, -5)), (1.25e-4, (125, -6)), (2e-3, (2, -3)), (0.1, (1, -1)), (62.5e-6, None), (3.1e-5, (31, -6))],
+        [
+            (1e-3, (1, -3)),
+            (2.5e-4, (25, -5)),
+            (1.25e-4, (125, -6)),
+            (2e-3, (2, -3)),
+            (0.1, (1, -1)),
+            (62.5e-6, None),
+            (3.1e-5, (31, -6)),
+        ],
     )
     def test_value_and_power(self, period, found):
         if found is None:  # 625 does not fit into a byte
-            with pytest.raises(InputError, match=r"period = 6\.25e-05 s is no interpolation time of a drive \(0x60C2\)"):
+            with pytest.raises(
+                InputError, match=r"period = 6\.25e-05 s is no interpolation time of a drive \(0x60C2\)"
+            ):
                 interpolation_time(period)
         else:
             assert interpolation_time(period) == found
@@ -144,7 +157,9 @@ class TestRefusals:
         curve, limits, profile = planned
         samples = replay(curve, profile)
         with pytest.raises(InputError, match="counts per mm of Y are missing; give them for each of the axes X Y"):
-            write_cyclic_positions(tmp_path / "a.csv", profile, samples, {"X": 1.0}, report=check(curve, limits, samples))
+            write_cyclic_positions(
+                tmp_path / "a.csv", profile, samples, {"X": 1.0}, report=check(curve, limits, samples)
+            )
 
     def test_a_period_that_no_drive_can_have(self, planned, tmp_path):
         self.refused(planned, tmp_path, InputError, "0x60C2", period=1.0 / 3000.0)

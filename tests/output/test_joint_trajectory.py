@@ -46,7 +46,14 @@ def hermite(ticks, states, probes=7):
     for k in range(ticks.size - 1):
         h = (ticks[k + 1] - ticks[k]) / 1e9
         # in x = t / h, so that the system is well conditioned
-        rows = [[1, 0, 0, 0, 0, 0], [0, 1, 0, 0, 0, 0], [0, 0, 2, 0, 0, 0], [1] * 6, [0, 1, 2, 3, 4, 5], [0, 0, 2, 6, 12, 20]]
+        rows = [
+            [1, 0, 0, 0, 0, 0],
+            [0, 1, 0, 0, 0, 0],
+            [0, 0, 2, 0, 0, 0],
+            [1] * 6,
+            [0, 1, 2, 3, 4, 5],
+            [0, 0, 2, 6, 12, 20],
+        ]
         right = [s[i] * h**n for i in (k, k + 1) for n, s in enumerate(states)]
         c = np.linalg.solve(np.array(rows, dtype=float), np.array(right))
         x = np.linspace(0.0, 1.0, probes)
@@ -146,7 +153,9 @@ class TestRefusals:
     def test_a_plan_that_does_not_end_at_rest(self, circle, tmp_path):
         curve, limits, _ = circle
         profile = plan_feedrate(curve, limits, intervals=200, periodic=True)
-        with pytest.raises(InputError, match="the plan has a feed at its start; a controller takes points from rest to rest"):
+        with pytest.raises(
+            InputError, match="the plan has a feed at its start; a controller takes points from rest to rest"
+        ):
             write_joint_trajectory(tmp_path / "t.yaml", profile, limits)
 
     def test_tolerance(self, circle, tmp_path):
