@@ -21,7 +21,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from interp.pulses import (
-    MOST_EXCESS,
+    MAX_EXCESS,
     PulseBlock,
     PulseSummary,
     StepDriver,
@@ -41,7 +41,7 @@ _END = b"\xff" * 8
 _TRAILER = len(_END) + 16
 _COLUMNS = b"tick,axis,direction\n"
 _END_LINE = b"# end = "
-_MOST_HEADER = 100_000  # bytes
+_MAX_HEADER = 100_000  # bytes
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +131,7 @@ def _header(profile: FeedrateProfile, driver: StepDriver) -> dict[str, Any]:
         **{f"highest_hz_{axis}": float(b) for axis, b in zip(axes, bounds, strict=True) if np.isfinite(b)},
         "allowed_hz": round(driver.max_hz, 6),
         **{f"{name}_s": float(getattr(driver, name)) for name in ("pulse", "space", "setup", "hold")},
-        "error": f"half a step and half a tick; where an axis turns, up to {MOST_EXCESS:g} of a step more",
+        "error": f"half a step and half a tick; where an axis turns, up to {MAX_EXCESS:g} of a step more",
     }
 
 
@@ -176,7 +176,7 @@ def _read_binary(data: bytes) -> PulseTrain:
     (length,) = struct.unpack_from("<I", data, len(_MAGIC))
     first = len(_MAGIC) + 4 + length
     last = len(data) - _TRAILER
-    if length > _MOST_HEADER or first > last or (last - first) % 8 or data[last : last + 8] != _END:
+    if length > _MAX_HEADER or first > last or (last - first) % 8 or data[last : last + 8] != _END:
         raise ValueError("it is cut off")
     count, crc = struct.unpack_from("<QQ", data, last + 8)
     _require_whole(data[:last], crc, count, (last - first) // 8)

@@ -8,8 +8,8 @@
 
 enum {
     WIDTH = 8,       /* numbers of a segment */
-    MOST_POWERS = 32, /* of a row of a piece */
-    MOST_TURNS = 2 * MOST_POWERS,
+    MAX_POWERS = 32, /* of a row of a piece */
+    MAX_TURNS = 2 * MAX_POWERS,
     ITERATIONS = 100 /* of Newton's method or a bisection; both end long before */
 };
 
@@ -19,13 +19,13 @@ static const double TIME_FOUND = 1e-13;
 /* A polynomial, highest power first. */
 typedef struct {
     int64_t powers;
-    double c[MOST_TURNS];
+    double c[MAX_TURNS];
 } Polynomial;
 
 /* Places, in increasing order. */
 typedef struct {
     int64_t count;
-    double at[MOST_TURNS];
+    double at[MAX_TURNS];
 } Places;
 
 /* A value and its derivative. */

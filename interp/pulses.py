@@ -11,7 +11,7 @@ the plan's own polynomials, found in C (``interp/pulses.c``); nothing is sampled
 Between two pulses of one direction the axis moves a whole step, so their frequency is at most S times the largest velocity
 of the axis.  Where an axis turns, the last pulse before and the first after it belong to one level and may be as close as
 one likes: the plan passed the level by next to nothing.  Such a pair is left out where the driver could not follow it and
-the level is passed by no more than ``MOST_EXCESS`` steps, which the summary tells; else the plan is refused.
+the level is passed by no more than ``MAX_EXCESS`` steps, which the summary tells; else the plan is refused.
 
 Reference-pulse interpolation is what Yusoff's thesis (2022) plans for; there and in digital differential analysers the
 pulses come of sums over periods.
@@ -34,12 +34,12 @@ from planner.inputs import positive_number, require_instance
 from planner.profile import FeedrateProfile
 from planner.types import BoolArray, FloatArray, IntArray
 
-MOST_EXCESS = 1e-3
+MAX_EXCESS = 1e-3
 """Steps by which a level may be passed where the pair of pulses of it is left out."""
-_MOST_POWERS = 32  # of a curve piece, as in pulses.c
+_MAX_POWERS = 32  # of a curve piece, as in pulses.c
 _PULSES_AT_ONCE = 1 << 16  # of an axis: bounds the memory
-_MOST_TICKS = 2**55  # what a file holds
-_MOST_STEPS = 2**52  # a counter is a double
+_MAX_TICKS = 2**55  # what a file holds
+_MAX_STEPS = 2**52  # a counter is a double
 _ROUNDING = 1e-9  # of a spacing: what is not worth a refusal
 _EXCESS_POINTS = 33
 
@@ -202,21 +202,21 @@ def step_pulses(
 
 
 def _require_room(profile: FeedrateProfile, driver: StepDriver, steps: FloatArray, table: InterpolatorTable) -> None:
-    if profile.duration * driver.clock_hz > _MOST_TICKS:
+    if profile.duration * driver.clock_hz > _MAX_TICKS:
         raise InputError(
             f"clock_hz = {driver.clock_hz:g} Hz ticks more than 2^55 times in {profile.duration:.6g} s; use a slower clock"
         )
     # The pieces stay within the coordinates that a curve may have, 1e9 mm.
     far = steps * np.abs(profile.curve.derivatives(profile.u, 0)[0]).max(axis=0)
-    if (far > _MOST_STEPS).any():
+    if (far > _MAX_STEPS).any():
         j = int(np.argmax(far))
         raise InputError(
             f"steps of {profile.curve.axes[j]} = {steps[j]:g} make {far[j]:.3g} steps of its way; at most 2^52 are counted"
         )
-    if table.pieces.shape[2] > _MOST_POWERS:
+    if table.pieces.shape[2] > _MAX_POWERS:
         raise InputError(
             f"{profile.curve.name}: its pieces are of degree {table.pieces.shape[2] - 1}; pulses are found up to degree "
-            f"{_MOST_POWERS - 1}"
+            f"{_MAX_POWERS - 1}"
         )
 
 
@@ -284,7 +284,7 @@ class _AxisPulses:
         at = np.linspace(first, second, _EXCESS_POINTS)
         q = self._profile.curve.derivatives(self._profile.at(at).u, 0)[0][:, self._axis]
         excess = self._steps * float(np.abs(q - q[0]).max())
-        if excess > MOST_EXCESS:
+        if excess > MAX_EXCESS:
             raise self._refusal(first, second, self._driver.turn, "where it turns")
         self._summary.error_steps = max(self._summary.error_steps, 0.5 + excess)
         self._summary.left_out += 1

@@ -36,7 +36,8 @@ if TYPE_CHECKING:
     "--format",
     "kind",
     type=click.Choice(list(EXPORT_SUFFIXES)),
-    help="Plan file of the C step (fpr), positions of drives a cycle (csp), JointTrajectory of ROS 2 (ros), step and direction pulses (steps).",
+    help="Plan file of the C step (fpr), positions of drives a cycle (csp), JointTrajectory of ROS 2 (ros), step and "
+    "direction pulses (steps).",
 )
 @options.machine
 @options.tolerance

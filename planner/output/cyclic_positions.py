@@ -33,7 +33,7 @@ FORMAT = "feedplan-csp 1"
 _INT32 = 2**31
 _AT_ONCE = 1 << 18  # rows: bounds the memory of the velocities
 _POWERS = range(-9, 1)  # of ten, of the interpolation time
-_MOST_PERIODS = 255  # an unsigned byte
+_MAX_PERIODS = 255  # an unsigned byte
 
 
 def write_cyclic_positions(
@@ -119,11 +119,11 @@ def interpolation_time(period: float) -> tuple[int, int]:
     """
     for power in reversed(_POWERS):
         value = round(period * 10.0**-power)
-        if 1 <= value <= _MOST_PERIODS and abs(value * 10.0**power - period) <= 1e-12 * period:
+        if 1 <= value <= _MAX_PERIODS and abs(value * 10.0**power - period) <= 1e-12 * period:
             return value, power
     raise InputError(
         f"period = {period!r} s is no interpolation time of a drive (0x60C2): that is a whole number from 1 to "
-        f"{_MOST_PERIODS} times a power of ten, such as 0.001, 0.00025 or 0.000125 s"
+        f"{_MAX_PERIODS} times a power of ten, such as 0.001, 0.00025 or 0.000125 s"
     )
 
 

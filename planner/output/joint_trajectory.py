@@ -108,7 +108,7 @@ def write_joint_trajectory(
             raise InputError(
                 f"{path}: not written: the plan has a feed at its {where}; a controller takes points from rest to rest"
             )
-    motion = _Motion(profile, limits, tolerance)
+    motion = _AxesOverTime(profile, limits, tolerance)
     ticks = motion.thinned(motion.nodes())
     deviation, used = (float(x.max()) for x in motion.measured(ticks))
     if used > 1.0 + SLACK:
@@ -135,7 +135,7 @@ def joint_names_of(axes: Sequence[str], names: Sequence[str] | None) -> tuple[st
     return found
 
 
-class _Motion:
+class _AxesOverTime:
     """The axes over time, and what quintics between points are of them."""
 
     def __init__(self, profile: FeedrateProfile, limits: Limits, tolerance: float) -> None:
@@ -204,7 +204,7 @@ class _Motion:
         return deviation, used
 
 
-def _yaml(names: Sequence[str], motion: _Motion, ticks: NDArray[np.int64], done: JointPoints) -> Iterator[str]:
+def _yaml(names: Sequence[str], motion: _AxesOverTime, ticks: NDArray[np.int64], done: JointPoints) -> Iterator[str]:
     curve = motion.profile.curve
     scale = np.array([1.0 if axis in ROTARY_AXES else 1e-3 for axis in curve.axes])
     units = ", ".join(sorted({"rad" if axis in ROTARY_AXES else "m" for axis in curve.axes}))

@@ -49,7 +49,7 @@ class TestFormats:
         require_own("csp", {"counts_per_mm": "3", "steps_per_mm": None, "velocity_offset": False})
         with pytest.raises(InputError, match="--steps-per-mm is for the format steps; this file is of the format csp"):
             require_own("csp", {"steps_per_mm": "3"})
-        with pytest.raises(InputError, match="--velocity-offset is for the format csp; .* ros"):
+        with pytest.raises(InputError, match=r"--velocity-offset is for the format csp; .* ros"):
             require_own("ros", {"velocity_offset": True})
 
 
@@ -116,7 +116,7 @@ def test_nothing_is_written_of_a_plan_that_breaks_a_limit(judged, tmp_path, kind
     lower = load_job("circle", load_limits("mill").with_feed(30.0))
     broken = lower.judge(verdict.profile)
     assert not broken.ok
-    with pytest.raises(BrokenLimitError, match="not written: the plan .*plan again within the limits"):
+    with pytest.raises(BrokenLimitError, match=r"not written: the plan .*plan again within the limits"):
         export_plan(lower, broken, tmp_path / f"part{EXPORT_SUFFIXES[kind][0]}", kind, lambda *_: None, **OPTIONS[kind])
     assert list(tmp_path.iterdir()) == []
     assert np.isfinite(job.curve.length)

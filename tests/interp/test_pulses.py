@@ -8,7 +8,7 @@ import pytest
 from cases import PROGRAMS
 
 from interp import pulses
-from interp.pulses import MOST_EXCESS, PulseSummary, StepDriver, first_counts, highest_frequency, step_pulses
+from interp.pulses import MAX_EXCESS, PulseSummary, StepDriver, first_counts, highest_frequency, step_pulses
 from planner import BrokenLimitError, InputError, Limits, load_curve, load_limits, plan_feedrate
 from planner.geometry.nurbs import NurbsCurve
 from planner.law import TimeLaw
@@ -194,7 +194,7 @@ class TestWhereAnAxisTurns:
             BrokenLimitError,
             match=r"Y: pulses at \d+\.?\d* Hz where it turns, .* us apart at t = 0\.51\d+ s, Y = 0\.105",
         ):
-            everything(self.peak(20.0 * MOST_EXCESS), self.driver(setup=0.05))
+            everything(self.peak(20.0 * MAX_EXCESS), self.driver(setup=0.05))
 
     def test_a_level_just_reached_is_not_passed(self):
         (tick, _, _), _ = everything(self.peak(-1e-9), self.driver())
@@ -207,8 +207,8 @@ class TestRefusals:
     def test_too_fast(self):
         with pytest.raises(
             BrokenLimitError,
-            match=r"X: pulses at 1\d+(\.\d+)? Hz, [\d.]+ us apart at t = 0\.\d+ s, X = \d\.\d+ mm; the driver takes 10000 Hz "
-            r"there, 100 us; plan with a lower velocity of X, or take fewer steps per mm",
+            match=r"X: pulses at 1\d+(\.\d+)? Hz, [\d.]+ us apart at t = 0\.\d+ s, X = \d\.\d+ mm; the driver takes 10000 "
+            r"Hz there, 100 us; plan with a lower velocity of X, or take fewer steps per mm",
         ):
             everything(self.PROFILE, StepDriver({"X": 1000.0, "Y": 1.0}, pulse=5e-5, space=5e-5))
 
