@@ -265,9 +265,7 @@ def test_a_plan_that_continues_another_is_tightened_from_the_way_of_the_last() -
     task = replace(task, section=replace(task.section, start=Feed(30.0, 0.0)))
     stage = Stage.on(task, free.grid)
     attempt = stage.solve(task, None)
-    tighter, start = stage.next(
-        task, attempt, used_of(jerk=np.full(2 * stage.grid.intervals, 1.002)), may_split=False
-    )
+    tighter, start = stage.next(task, attempt, used_of(jerk=np.full(2 * stage.grid.intervals, 1.002)), may_split=False)
     assert attempt.waypoint is not None
     assert start.waypoint is attempt.waypoint
     warm, cold = tighter.solve(task, start), tighter.solve(task, replace(start, waypoint=None))

@@ -33,6 +33,9 @@ from planner.types import FloatArray, IntArray
 _MAX_BLOCKS = 20_000  # of a run: bounds the memory of its solver
 # Of a run most of whose blocks go on smoothly: the time of its solver, where there is little to gain.
 _MAX_SMOOTH, _SMOOTH_SHARE = 500, 0.8
+# A run of more blocks to a corner, half of which swing by less than this share of the tolerance: of twelve such runs no end was
+# found, after 4 to 12 ms a block instead of one, and the path made first uses all of the tolerance.
+_MAX_FINE, _FINE = 64, 0.5
 # Blocks shorter than so many tolerances are passed within the swing beside a vertex: of many of them no end is found.
 _SHORT, _MAX_SHORT = 5.0, 60
 _MAX_APART = 100.0  # times the jerk limit of one axis that of another; beyond it no one unit of time serves the solver
@@ -139,7 +142,7 @@ def find_run(
     alone = last == first + 1 and not blocks.programmed.legs.curved[first]
     fastest = float((_caps(blocks, limits)[first:last] * _per_feed(blocks)[first:last]).max())
     of_machine = _reason_of_limits(limits) if alone else reason_of_machine(limits, fastest)
-    reason = of_machine or _reason_of_blocks(blocks, junctions.kind, first, last)
+    reason = of_machine or _reason_of_blocks(blocks, junctions, first, last)
     if reason:
         return FoundRun(first, last, None, reason)
     try:
@@ -236,9 +239,9 @@ def _may_exceed_chords(limits: Limits, feed: float) -> bool:
     return most * limits.period**2 / 8.0 > limits.chord_error
 
 
-def _reason_of_blocks(blocks: MovingBlocks, kind: NDArray[np.int8], first: int, last: int) -> str:
+def _reason_of_blocks(blocks: MovingBlocks, junctions: Junctions, first: int, last: int) -> str:
     """Why a run is not found jointly, if it is so."""
-    legs, count = blocks.programmed.legs, last - first
+    legs, count, kind = blocks.programmed.legs, last - first, junctions.kind
     tolerance = blocks.tolerance[first:last]
     short = int(np.count_nonzero(blocks.length[first:last] < _SHORT * tolerance))
     smooth = int(np.count_nonzero(kind[first : last - 1] <= Junction.TUBE))
@@ -255,8 +258,19 @@ def _reason_of_blocks(blocks: MovingBlocks, kind: NDArray[np.int8], first: int, 
             smooth > max(_MAX_SMOOTH, _SMOOTH_SHARE * count),
             f"{smooth} of its {count} blocks go on smoothly, more than {_MAX_SMOOTH}",
         ),
+        (
+            count > _MAX_FINE * max(1, count - 1 - smooth) and _swing(blocks, junctions, first, last) < _FINE,
+            f"its {count} blocks go on smoothly, finer than the tolerance asks for",
+        ),
     )
     return next((reason for holds, reason in reasons if holds), "")
+
+
+def _swing(blocks: MovingBlocks, junctions: Junctions, first: int, last: int) -> float:
+    """Height of the arc over half of two blocks, against the tolerance: the median of a run."""
+    shorter = np.minimum(blocks.length[first : last - 1], blocks.length[first + 1 : last])
+    allowed = np.minimum(blocks.tolerance[first : last - 1], blocks.tolerance[first + 1 : last])
+    return float(np.median(shorter * junctions.turn[first : last - 1] / (8.0 * allowed)))
 
 
 def _run_of(blocks: MovingBlocks, limits: Limits, first: int, last: int) -> JointRun:

@@ -191,6 +191,36 @@ def test_each_block_keeps_its_own_tolerance():
     assert path.deviation.largest > 2.0 * narrow
 
 
+def wave_of(count, seed=3, waves=1.0):
+    rng = np.random.default_rng(seed)
+    x = np.cumsum(rng.uniform(0.1, 0.5, count))
+    return polyline(np.column_stack([x, waves * (3.0 * np.sin(x / 4.0) + 0.4 * np.sin(x))]).round(3))
+
+
+def solver_is_asked(monkeypatch, source):
+    asked = []
+
+    def give_up(run):
+        asked.append(run.lengths.size)
+        raise SolverError("planted")
+
+    monkeypatch.setattr(joint_runs, "solve_run", give_up)
+    runs = runs_of(source)
+    assert all(run.part is None for run in runs)
+    return bool(asked), runs[0].reason
+
+
+def test_many_blocks_finer_than_the_tolerance_are_left_to_the_separate_path(monkeypatch):
+    """No solver is asked; but where they are few, or turn by more, or have corners."""
+    asked, reason = solver_is_asked(monkeypatch, wave_of(120))
+    assert not asked
+    assert "finer than the tolerance asks for" in reason
+    assert solver_is_asked(monkeypatch, wave_of(50))[0]
+    assert solver_is_asked(monkeypatch, wave_of(120, waves=30.0))[0]
+    sharp = np.column_stack([0.3 * np.arange(120), 3.0 * (np.arange(120) % 12 == 0)])
+    assert solver_is_asked(monkeypatch, polyline(sharp))[0]
+
+
 def test_without_a_corner_the_faster_of_the_two_is_taken():
     """A turn of a degree: within 50 um nothing is to be gained by swinging."""
     turn = np.deg2rad(1.0)
