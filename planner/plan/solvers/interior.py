@@ -167,7 +167,7 @@ class Iterate:
         )
 
     def run(self, tolerance: float, most: int, feasible: float = _FEASIBLE) -> Status | None:
-        """Iterate ``most`` times or until gap and violation are within tolerance; None where neither this nor a failure ends it."""
+        """Iterate ``most`` times or until gap and violation are within tolerance; None where nothing else ends it."""
         if self._work is None:
             self._work = np.empty(core.interior_work(self.problem.h.size, self._ends[1]))
             self._totals[3] = 0.0
@@ -258,7 +258,7 @@ def solve_interior(
     way_gap = _NEXT_WAYPOINT_GAP if isinstance(start, Waypoint) else _WAYPOINT_GAP
     while status is None:
         goal = tolerance if waypoint else max(tolerance, way_gap)
-        # Only a problem with a prescribed feed violates anything on its way; to the last digit it does so for many iterations.
+        # Only a problem with a prescribed feed violates anything on its way, to the last digit for many iterations.
         feasible = _FEASIBLE if goal <= GAP_TOLERANCE else _VIOLATION_OF_GAP * goal
         status = it.run(goal, min(at_once, _MAX_ITERATIONS - int(it.iterations[0])), feasible)
         if status is Status.OPTIMAL and goal > tolerance:

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from planner.errors import SolverError
 from planner.geometry.chain import Kind
@@ -33,8 +32,8 @@ from planner.types import FloatArray, IntArray
 _MAX_BLOCKS = 20_000  # of a run: bounds the memory of its solver
 # Of a run most of whose blocks go on smoothly: the time of its solver, where there is little to gain.
 _MAX_SMOOTH, _SMOOTH_SHARE = 500, 0.8
-# A run of more blocks to a corner, half of which swing by less than this share of the tolerance: of twelve such runs no end was
-# found, after 4 to 12 ms a block instead of one, and the path made first uses all of the tolerance.
+# A run of more blocks to a corner, half of which swing by less than this share of the tolerance: of twelve such runs no end
+# was found, after 4 to 12 ms a block instead of one, and the path made first uses all of the tolerance.
 _MAX_FINE, _FINE = 64, 0.5
 # Blocks shorter than so many tolerances are passed within the swing beside a vertex: of many of them no end is found.
 _SHORT, _MAX_SHORT = 5.0, 60
