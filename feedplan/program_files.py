@@ -107,8 +107,9 @@ def find_programs(names: Sequence[str]) -> tuple[tuple[ProgramFile, ...], tuple[
     found: dict[str, Path] = {}
     notes: list[str] = []
     for name in names:
-        # The folder x.ngc/ is one, and so is one whose name is not that of a program.
-        if os.path.isdir(name) and (name.endswith(os.sep) or not is_program(name)):
+        # The folder x.ngc/ is one; without the / it may be one of many names that a pattern found.
+        alone = len(names) == 1 or name.endswith(os.sep)
+        if os.path.isdir(name) and (alone or not is_program(name)):
             inside, others = _of_folder(name)
             if not inside:
                 raise InputError(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -83,8 +84,12 @@ def path_for(source: str | Path | Curve, path: PathKind | None, options: Mapping
 
 
 def require_program(source: str | Path, what: str) -> None:
-    """Refuse a curve without lines."""
+    """Refuse a curve without lines, and what is nothing at all."""
     if not is_program(source):
+        from planner.geometry.catalog import CATALOG
+
+        if str(source) not in (*CATALOG, "-") and not os.path.exists(source):
+            raise InputError(f"{source}: there is no such file, and no folder either")
         raise InputError(f"{source} has no lines; {what} needs a part program, {', '.join(SUFFIXES)}")
 
 

@@ -59,7 +59,8 @@ def test_a_folder_with_the_name_of_a_program_is_one_where_it_is_said_so(parts):
     (parts / "d.ngc").mkdir()
     (parts / "d.ngc" / "e.ngc").write_text(MOVE)
     assert [file.label for file in find_programs([f"{parts}/d.ngc/"])[0]] == ["e.ngc"]
-    (file,) = find_programs([f"{parts}/d.ngc"])[0]
+    assert [file.label for file in find_programs([f"{parts}/d.ngc"])[0]] == ["e.ngc"]
+    _, file = find_programs([f"{parts}/a.ngc", f"{parts}/d.ngc"])[0]
     with pytest.raises(InputError, match=r"d\.ngc: a directory; name it alone"):
         file.read()
 
@@ -78,7 +79,8 @@ def test_a_folder_with_the_name_of_a_program_is_one_where_it_is_said_so(parts):
 )
 def test_what_cannot_be_read_says_why(tmp_path, make, text):
     make(tmp_path / "x.ngc")
-    (file,) = find_programs([str(tmp_path / "x.ngc")])[0]
+    (tmp_path / "part.ngc").write_text(MOVE)
+    _, file = find_programs([str(tmp_path / name) for name in ("part.ngc", "x.ngc")])[0]
     with pytest.raises(InputError, match=text):
         file.read()
 

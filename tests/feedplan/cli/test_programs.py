@@ -419,6 +419,7 @@ class TestBadInput:
         [
             (("plan", "teardrop", "--lines", "x.csv"), "teardrop has no lines; --lines needs a part program"),
             (("time", "teardrop"), "teardrop has no lines; feedplan time needs a part program"),
+            (("time", "orders/"), "orders/: there is no such file, and no folder either"),
             (("plan", "teardrop", "--tolerance-mm", "0.01"), "teardrop is exact"),
             (("plan", SLOTS, "--scale", "2"), "it must be 1"),
             (("plan", "no.ngc"), "no.ngc: cannot be read"),

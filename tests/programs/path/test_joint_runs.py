@@ -292,7 +292,7 @@ def test_an_axis_that_turns_does_not_count_for_the_chord_error():
 
 
 def test_an_acceleration_beyond_what_the_feed_lets_be_reached_changes_nothing():
-    """At 1000 mm/min and 20 000 mm/s^3 no axis gets beyond 816 mm/s^2; these runs of arcs and tiny lines are hard to solve."""
+    """At 1000 mm/min and 20 000 mm/s^3 no axis gets beyond 816 mm/s^2; runs of arcs and tiny lines are hard to solve."""
     source, limits = read_program(PROGRAMS / "stops.ngc"), drives(dim=3, axes=AXES, chord_error=1e-3)
     path, profile = planned(source, limits)
     for factor in (1.5, 2.0, 10.0):
