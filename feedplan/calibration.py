@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from feedplan.layout import BOLD, GREEN, named, table
+from feedplan.layout import BOLD, GREEN, RED, named, table
 from planner.calibration.axis_limits import AxisLimit
 from planner.calibration.calibrate import calibrate_logs
 from planner.calibration.calibrated_machine import calibrated_limits, calibrated_text, is_raised, percent
@@ -166,7 +166,11 @@ def calibration_lines(found: FoundMachine, file: str) -> list[str]:
     for note in found.notes:
         lines += named("note", note)
     count = sum(limit.known for limit in found.limits)
-    return [*lines, *named("written", file), "", *named("OK", f"{count} of {len(found.limits)} limits measured", GREEN)]
+    if count or any(limit.joint for limit in found.limits):
+        result = named("OK", f"{count} of {len(found.limits)} limits measured", GREEN)
+    else:
+        result = named("NOTHING TOLD", f"no limit was measured: {file} has those of {found.source}", RED)
+    return [*lines, *named("written", file), "", *result]
 
 
 def _value(limit: AxisLimit) -> str:

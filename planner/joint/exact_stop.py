@@ -20,7 +20,7 @@ _PER_ZONE, _PER_MIDDLE = 10, 4  # segments of a phase beside a vertex, and betwe
 _FEW, _PER_ZONE_OF_FEW, _PER_MIDDLE_OF_FEW = 20, 16, 10
 _GROWTH = 1.15  # of the width from segment to segment, away from a vertex
 _ZONE = 5.0  # length of a phase beside a vertex, of (e / J)^(1/3)
-_LEAST_UNIT = 0.5  # of time, of (e / J)^(1/3)
+_MIN_UNIT = 0.5  # of time, of (e / J)^(1/3)
 _FOLLOWED = 50.0  # fourth power of the widest segment along an arc, of e r^3 / v^4
 _Phases = list[tuple[float, FloatArray]]
 
@@ -44,7 +44,7 @@ def units_of(run: JointRun) -> tuple[float, float]:
     """
     jerk, rise = run.jerk.max(), (run.acceleration / run.jerk).min()
     swing = np.cbrt(np.median(run.tolerance) / jerk)
-    time = max(0.2 * rise, _LEAST_UNIT * swing) if np.isfinite(rise) else np.cbrt(2.0) * swing
+    time = max(0.2 * rise, _MIN_UNIT * swing) if np.isfinite(rise) else np.cbrt(2.0) * swing
     return time, jerk * time**3
 
 

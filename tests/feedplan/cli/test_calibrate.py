@@ -72,6 +72,20 @@ def test_json(folder, run):
     assert facts["notes"] == []
 
 
+def test_a_log_that_tells_nothing_is_not_ok(folder, run):
+    t = np.arange(1000) * 1e-3
+    rows = np.column_stack([t, 0.0 * t, 3.0 + 0.0 * t])
+    np.savetxt(folder / "still.csv", rows, delimiter=",", header="t_s,X_mm,Y_mm", comments="")
+    code, out, err = run("calibrate", "still.csv", "--machine", "start.toml", "-o", "machine.toml")
+    assert code == 0, err
+    text = flat(out + err)
+    assert "NOTHING TOLD no limit was measured: machine.toml has those of start.toml" in text
+    assert "OK" not in text
+    assert "it does not move in any log" in text
+    before, after = load_limits("start.toml"), load_limits("machine.toml")
+    assert before.acceleration.tolist() == after.acceleration.tolist()
+
+
 def test_a_gap_is_said_and_the_pieces_are_used(folder, run):
     log = made_log("trapezoid", count=1e-3)
     write_log(folder / "a.csv", log, rows=np.r_[0:3000, 3200 : log.t.size])
