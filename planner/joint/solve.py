@@ -91,10 +91,9 @@ def solve_run(run: JointRun) -> JointMotion:
     if run.lengths.size == 1 and not run.legs.curved[0]:
         return _straight(run)
     # Which of two optima is found may depend on the direction, or on a rounding: both directions are one and the same task.
-    if run.is_backward:
-        motion = _solved(run.reversed().between_vertices()).reversed()
-    else:
-        motion = _solved(run.between_vertices())
+    back = run.is_backward
+    motion = _solved((run.reversed() if back else run).between_vertices())
+    motion = motion.reversed() if back else motion
     return motion.with_ends(run.starts[0], run.ends[-1])
 
 
