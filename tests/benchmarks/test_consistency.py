@@ -1,5 +1,6 @@
-"""The benchmark of neighbouring passes: its programs are what it says, and its measure finds what is planted."""
+"""The benchmark of neighbouring passes: its programs are what it says, its measure finds what is planted, and it ends."""
 
+import json
 import re
 from pathlib import Path
 
@@ -89,3 +90,21 @@ def test_places_are_the_nearest_on_the_curve():
     on = np.column_stack([x, np.zeros(s.size), bench.height(x)])
     for off in (-0.01, 0.0, 0.01):
         np.testing.assert_allclose(bench._place(on + off * across), s, atol=1e-6)
+
+
+def test_the_command_runs_to_its_end_and_passes_in_the_same_chords_are_alike(tmp_path, monkeypatch):
+    monkeypatch.setattr(bench, "LENGTH", 50.0)
+    monkeypatch.setattr(bench, "PASSES", 4)
+    monkeypatch.setattr(bench, "CHORD_ERRORS", (0.001, 0.01, 0.005))
+    output, figure = tmp_path / "found.json", tmp_path / "passes.png"
+    monkeypatch.setattr("sys.argv", ["consistency", "--no-linuxcnc", "--output", str(output), "--figure", str(figure)])
+    assert bench.main() in (0, 1)
+    rows = json.loads(output.read_text())["rows"]
+    assert figure.stat().st_size > 10_000
+    assert [row["alike"] for row in rows] == [False] * 3 + [True] * 3
+    assert all(row["deviation_um"] <= 10.0 for row in rows)
+    for row in rows[3:]:  # with knots where the chords turn it was 2e-3 to 8e-3
+        assert row["mean"] < 1e-3
+        assert row["there_and_back"] < 1e-3
+    # chords within a tenth of the tolerance; it was 1.6e-2
+    assert rows[0]["mean"] < 5e-3
