@@ -66,7 +66,6 @@ def words() -> str:
         "M64 P0",
         "M62 P1",
         "M9",
-        "T1",
     ]
     lines = [_UNITS + "G64 P0.02 F2400"]
     for k, word in enumerate(between):

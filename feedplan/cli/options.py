@@ -114,7 +114,7 @@ controllers = click.option(
     "controllers",
     multiple=True,
     metavar="NAME",
-    help="Controller to time it on as well, by a model: klipper, grbl, several with commas, or all.",
+    help="Controller to time it on as well, by a model: klipper, grbl, linuxcnc, several with commas, or all.",
 )
 controller_settings = click.option(
     "--controller-setting",

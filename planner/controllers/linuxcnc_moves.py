@@ -22,7 +22,18 @@ from planner.programs.reading.program import ARC, LINE, RAPID, SPLINE, Program
 from planner.types import BoolArray, FloatArray, IntArray
 
 STOPS, EXACT, PARABOLIC = 0, 1, 3  # how a move ends, as in linuxcnc_inline.h
-_WAITS_FOR = ("dwell", "tool_change", "stop", "optional_stop", "end", "spindle", "coolant", "signal", "offset")
+_WAITS_FOR = (
+    "dwell",
+    "tool_change",
+    "stop",
+    "optional_stop",
+    "end",
+    "spindle",
+    "coolant",
+    "signal",
+    "offset",
+    "message",
+)
 _BREAKS = (*_WAITS_FOR, "tool")
 _ACROSS = np.sqrt(3.0) / 2.0  # share of the acceleration that an arc has across
 
@@ -95,8 +106,8 @@ def linuxcnc_moves(program: Program, velocity: FloatArray, acceleration: FloatAr
     rows = _rows(program, row[move], program.start[row[0], :3], end[last], is_line[last], (velocity, acceleration))
     rows[:, 14], rows[:, 16], rows[:, 20] = ending[move], tolerance[move], np.arange(last.size)
     return LinuxcncMoves(
-        rows, program.line[row[move]], np.append(waits[first], True), np.repeat(np.arange(last.size), np.diff(last, prepend=-1)),
-        program.line[row[of]], end,
+        rows, program.line[row[move]], np.append(waits[first], True),
+        np.repeat(np.arange(last.size), np.diff(last, prepend=-1)), program.line[row[of]], end,
     )  # fmt: skip
 
 

@@ -22,7 +22,7 @@ from planner.programs.reading.program import Program
 from planner.verify import Report
 
 # M2 or M30: the program that is written has its own; the rest is no part of it.
-_NOT_WRITTEN = ("end", "signal", "offset")
+_NOT_WRITTEN = ("end", "signal", "offset", "message")
 
 
 def write_program(

@@ -53,7 +53,7 @@ class TestLine:
         motion = linuxcnc_motion(program(HEAD + "G64\nG1 X10\nM2\n"), PLAIN)
         assert motion.duration == pytest.approx(2 * math.sqrt(10 / (A / 2)) + 2 * T, abs=T)
 
-    @pytest.mark.parametrize("word", ["S500", "M8", "M64 P0", "G4 P0", "M0", "G55"])
+    @pytest.mark.parametrize("word", ["S500", "M8", "M64 P0", "G4 P0", "M0", "G55", "(MSG, half way)"])
     def test_words_that_wait_for_the_motion(self, program, word):
         once = linuxcnc_motion(program(HEAD + "G61\nG1 X10\nM2\n"), PLAIN)
         twice = linuxcnc_motion(program(HEAD + f"G61\nG10 L2 P2 X0\nG1 X10\n{word}\nX20\nM2\n"), PLAIN)

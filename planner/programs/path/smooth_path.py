@@ -129,7 +129,7 @@ def program_path(
     program : Program
     tolerance : float or None
         Largest distance between path and program, mm, in place of the program's own P words; None for those
-        (0.01 mm where there is none).  G61 and G61.1 stay exact stops.
+        (0.01 mm where there is none).  G61 and G61.1 stay exact.
     limits : Limits
         Of the machine.  A joint path is the fastest for them; in a separate one they weigh where smoothness is worth most.
     path : {"joint", "separate"}

@@ -39,7 +39,7 @@ class Event:
         Line number in the file, from 1.
     kind : str
         "dwell", "tool_change", "tool", "spindle", "coolant", "stop", "optional_stop", "end", "signal" (M64, M65, M66, M68)
-        or "offset" (G54 to G59.3, G43, G49).
+        "offset" (G54 to G59.3, G43, G49) or "message" (a comment that begins with MSG).
     seconds : float
         Length of a dwell; 0 for everything else, whose time the program does not say.
     after_move : int

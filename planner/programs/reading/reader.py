@@ -52,7 +52,7 @@ from planner.programs.reading.move_making import BlockFeeds, make_moves
 from planner.programs.reading.offsets import Offsets
 from planner.programs.reading.positions import ProgramTrack
 from planner.programs.reading.program import LINE, Program
-from planner.programs.reading.program_events import add_events
+from planner.programs.reading.program_events import add_events, with_messages
 from planner.programs.reading.rules import check_motion, check_words
 from planner.programs.reading.setup import Tool, read_tool_table
 from planner.programs.reading.spindle import carry_spindle
@@ -114,12 +114,13 @@ def read_program(
         return state
 
     state = begun()
-    if not _read_parts(read_words(file), state):
+    in_order = _read_parts(read_words(file), state)
+    if not in_order:
         state = begun()
         _read_parts(Flow(file, state).words(), state, ordered=True)
     state.unread.require_none()
     state.require_end()
-    return state.program()
+    return with_messages(state.program(), file) if in_order else state.program()
 
 
 def _read_parts(

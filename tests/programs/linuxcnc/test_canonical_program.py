@@ -159,7 +159,7 @@ class TestMoves:
         program = read_with_linuxcnc(written(tmp_path, text))
         assert program.tolerance == pytest.approx([np.nan, 0.02, 0.0, np.nan, 0.0254], nan_ok=True)
         assert program.naive_tolerance == pytest.approx([np.nan] * 4 + [0.00254], nan_ok=True)
-        assert program.stop_after.tolist() == [False, False, True, False, True]
+        assert program.stop_after.tolist() == [False, False, False, False, True]
 
     def test_what_happens_between_the_moves_is_that_of_our_reader(self, tmp_path):
         text = "M6 T3\nM3 S500 M8\nG1 X1 F100\nG4 P0.5\nM0\nG82 X2 Z-1 R1 P0.25\nG80\nT4\nM5\nG0 X3 M1\nM2\n"

@@ -81,7 +81,8 @@ class TestMoves:
         p = read("F60\nG1 X1\nG64 P0.02 Q0\nX2\nG61\nX3\nG61.1\nX4\nG64\nX5\nG64 P.5\nX6" + END)
         assert p.tolerance == pytest.approx([np.nan, 0.02, 0, 0, np.nan, 0.5], nan_ok=True)
         assert p.naive_tolerance == pytest.approx([np.nan, 0, np.nan, np.nan, np.nan, np.nan], nan_ok=True)
-        assert p.stop_after.tolist() == [False, False, True, True, False, True]
+        assert p.stop_after.tolist() == [False, False, False, True, False, True]  # G61 is no exact stop
+        assert p.exact_stop.tolist() == [False, False, False, True, False, False]
 
     def test_rapids_stop_at_both_ends(self, read):
         p = read("F60\nG1 X1\nX2\nG0 X3\nX4\nG1 X5\nX6" + END)
