@@ -15,6 +15,17 @@ from planner.programs.reading.reader import read_program
 END = "\nM2\n"
 
 
+class TestWordsThatWait:
+    """What LinuxCNC waits for is an event, in the order of the program, and no stop of the plan."""
+
+    def test_signals_offsets_and_messages(self, read):
+        text = "F60\nG1 X1\n(MSG, one)\nX2\nM64 P1\nX3\nM62 P1\nG43 H0\n(no message) X4\n; (MSG, none)\nX5" + END
+        p = read(text)
+        found = [(event.kind, event.after_move) for event in p.events if event.kind != "end"]
+        assert found == [("message", 0), ("signal", 1), ("offset", 2)]
+        assert p.stop_after.tolist() == [False] * 4 + [True]
+
+
 class TestMoves:
     def test_lines_and_rapids_become_rows(self, read):
         p = read("G0 X1 Y2\nG1 X4 Y6 F600\n\nY8 Z-1\nG0 Z5\nM2\n")
