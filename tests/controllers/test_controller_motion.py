@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from planner import InputError, check
-from planner.controllers.controller_motion import ControllerMotion, Trapezoids, look_ahead, peak_speed
+from planner.controllers.controller_motion import ControllerMotion, Trapezoids, cut_legs, look_ahead, peak_speed
 from planner.geometry.blend import Legs
 from planner.machine.limits import Limits
 
@@ -27,6 +27,19 @@ def motion_through(points, junction, cap, acceleration) -> ControllerMotion:
     cruise = peak_speed(ends[:-1], ends[1:], length, rate, rate, np.full(length.size, float(cap)))
     shape = Trapezoids(ends[:-1], cruise, ends[1:], rate, rate)
     return shape.motion("test", ("X", "Y", "Z")[: legs.vectors.shape[2]], legs, length, 1 + np.arange(length.size))
+
+
+class TestCutLegs:
+    def test_the_motion_stays_and_lines_have_their_times(self):
+        motion = motion_through([[0, 0], [10, 0], [10, 20]], [0, 40, 0], 100.0, 1000.0)
+        cut = cut_legs(motion, np.array([0, 0, 1]), np.array([2.0, 6.0, 5.0]), np.array([7, 8, 9]))
+        t = np.linspace(0.0, motion.duration, 1001)
+        assert cut.at(t) == pytest.approx(motion.at(t), abs=1e-9)
+        assert cut.speed_at(t[1:-1]) == pytest.approx(motion.speed_at(t[1:-1]), abs=1e-9)
+        assert cut.length == pytest.approx([2.0, 4.0, 4.0, 5.0, 15.0])
+        assert cut.line.tolist() == [7, 8, 1, 9, 2]
+        assert cut.leg_seconds[0] == pytest.approx(np.sqrt(2 * 2.0 / 1000.0))
+        assert cut.leg_seconds.sum() == pytest.approx(motion.duration)
 
 
 class TestOneLine:

@@ -1,10 +1,13 @@
 """Limits from the INI file of a LinuxCNC machine."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from planner.errors import InputError
 from planner.geometry.curve import AXES
+from planner.machine.linuxcnc_ini import ini_machine
 from planner.machine.machine_file import load_limits
 
 POSITIVE = " must be a number > 0; leave the line out for no limit"
@@ -215,3 +218,23 @@ def test_refusals_name_file_line_and_key(refusal, old, new, message):
 
 def test_an_empty_file(refusal):
     assert refusal("").startswith(" [TRAJ]COORDINATES is missing")
+
+
+class TestPlannerOfLinuxcnc:
+    """What a model of it goes by, and no limit."""
+
+    TEXT = (
+        "[TRAJ]\nCOORDINATES = X\nARC_BLEND_ENABLE = 0\nARC_BLEND_KINK_RATIO = 0.2\n"
+        "[AXIS_X]\nMAX_VELOCITY = 1\nMAX_ACCELERATION = 1\n"
+    )
+
+    def test_words(self):
+        words = ini_machine(self.TEXT + "[DISPLAY]\nMAX_FEED_OVERRIDE = 1.5\n", Path("machine.ini")).setup.controller
+        assert (words.arc_blend, words.kink_ratio, words.max_feed_override) == (0.0, 0.2, 1.5)
+        assert words.optimization_depth is None
+
+    def test_a_value_that_is_none(self):
+        with pytest.raises(
+            InputError, match=r"machine.ini:4: \[TRAJ\]ARC_BLEND_KINK_RATIO = none must be a number > 0"
+        ):
+            ini_machine(self.TEXT.replace("0.2", "none"), Path("machine.ini"))
