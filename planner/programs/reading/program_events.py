@@ -9,12 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from planner.programs.reading.blocks import Mask, WordColumn
+from planner.programs.reading.blocks import WordColumn
 from planner.programs.reading.language import CHANGE, COOLANT, ONCE, SIGNAL, SPINDLE, STOP, SYSTEM, TOOL_LENGTH
 from planner.programs.reading.modal import carry_forward
 from planner.programs.reading.move_making import MovesOfPart
 from planner.programs.reading.positions import ProgramTrack
 from planner.programs.reading.program import Event, Program
+from planner.programs.reading.words import Mask
 
 _DWELL = 40
 _MESSAGE = re.compile(rb"^[^;(\r\n]*\([ \t]*MSG[ \t]*,[^)\r\n]*\)", re.IGNORECASE | re.MULTILINE)
