@@ -85,8 +85,10 @@ class PlanStep:
         self.position = np.zeros(self.dim)
         self._place = np.zeros(7)
         self._command = np.array([1.0, 0.0])
-        self._asked = (1.0, False)
-        self._call: Callable[[], int] = core.step_once.bind(self._plan, self._state, self._command, self.position)
+        self._override, self._hold = 1.0, False
+        self._held = (self._plan, self._state, self._command, self.position)  # alive as long as their addresses
+        self._addresses = np.array([array.ctypes.data for array in self._held], dtype=np.int64)
+        self._call: Callable[[], int] = core.step_once.bind(self._addresses)
         self._look()
 
     def step(self, override: float = 1.0, hold: bool = False) -> bool:
@@ -104,11 +106,11 @@ class PlanStep:
         InputError
             If the plan is not governed and is asked for another rate than 1.
         """
-        if self._asked != (override, hold):
+        if override != self._override or hold != self._hold:
             if not self.governed:
                 raise InputError(_NOT_GOVERNED)
             self._command[0], self._command[1] = override, hold
-            self._asked = override, hold
+            self._override, self._hold = override, hold
         return self._call() != 0
 
     def run(self, count: int, override: ArrayLike = 1.0, hold: ArrayLike = False) -> tuple[FloatArray, FloatArray]:

@@ -32,9 +32,12 @@ int64_t step_seek(const uint8_t *plan, uint8_t *state, double time, int64_t samp
     return feedplan_seek(plan_of(plan), state_of(state), time, rate);
 }
 
-int64_t step_once(const uint8_t *plan, uint8_t *state, const double *command, double *position)
+int64_t step_once(const int64_t *call)
 {
-    return feedplan_step(plan_of(plan), state_of(state), command[0], command[1] != 0.0, position);
+    const feedplan_plan *plan = (const feedplan_plan *)(intptr_t)call[0];
+    feedplan_state *state = (feedplan_state *)(intptr_t)call[1];
+    const double *command = (const double *)(intptr_t)call[2];
+    return feedplan_step(plan, state, command[0], command[1] != 0.0, (double *)(intptr_t)call[3]);
 }
 
 int64_t step_run(const uint8_t *plan, uint8_t *state, int64_t count, const double *override, const uint8_t *hold,

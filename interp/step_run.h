@@ -14,8 +14,9 @@ int64_t step_start(const uint8_t *plan, uint8_t *state, double period);
 /* Go to a plan time, s, or where sample is not negative to that sample, at a rate. */
 int64_t step_seek(const uint8_t *plan, uint8_t *state, double time, int64_t sample, double rate);
 
-/* One step: command (2) is the override, and whether to hold; position (dim). */
-int64_t step_once(const uint8_t *plan, uint8_t *state, const double *command, double *position);
+/* One step.  call (4) has the addresses of plan, state, command and position, for every argument costs Python more than the
+   step does: command (2) is the override, and whether to hold; position (dim). */
+int64_t step_once(const int64_t *call);
 
 /* Count steps, or as many as there are to the end: override (count), hold (count); positions (count, dim), and for each step
    the plan time, the rate, its slope and the curve parameter: course (count, 4).  Returns how many were taken. */
