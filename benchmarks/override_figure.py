@@ -1,6 +1,6 @@
 """The picture of docs/override.md: a feed hold and a resume of the butterfly, in the triangle and over time.
 
-    python -m benchmarks.override_figure [--output docs]
+python -m benchmarks.override_figure [--output docs]
 """
 
 from __future__ import annotations

@@ -2,9 +2,9 @@
 
     python -m benchmarks.step [--former FOLDER --python PYTHON] [--steps 10000000]
 
-Each case is planned and written as a plan file; ``benchmarks/step_clock.c`` is compiled with ``interp/step.c`` and steps through
-it, pinned to a core: a loop without a clock, then single steps with one.  The loop of version 0.1.0, by numba, runs in turn with it
-where its checkout and a Python that has numba are given: it gets the same two arrays.
+Each case is planned and written as a plan file; ``benchmarks/step_clock.c`` is compiled with ``interp/step.c`` and steps
+through it, pinned to a core: a loop without a clock, then single steps with one.  The loop of version 0.1.0, by numba,
+runs in turn with it where its checkout and a Python that has numba are given: it gets the same two arrays.
 """
 
 from __future__ import annotations
@@ -55,9 +55,7 @@ print(float(np.median(times)))
 
 def clock(program: Path, file: Path, steps: int, *, governed: bool) -> list[float]:
     """Ns a step: in the loop; of single steps the median, the largest but a millionth, and the largest."""
-    done = subprocess.run(
-        [program, file, str(steps), str(int(governed))], capture_output=True, text=True, check=True
-    )
+    done = subprocess.run([program, file, str(steps), str(int(governed))], capture_output=True, text=True, check=True)
     return [float(word) for word in done.stdout.split()[:4]]
 
 
@@ -67,9 +65,7 @@ def former_step(profile: FeedrateProfile, period: float, former: Path, python: s
     state = start(table, period)
     # Its state had no sizes: sample, segment, piece, u, the period in two parts, last, end; then end and last position.
     old = np.concatenate([np.asarray(state)[:8], np.asarray(state)[-2 * table.dim :]])
-    np.savez(
-        folder / "former.npz", segments=table.segments, pieces=table.pieces, state=old, count=int(state[6])
-    )
+    np.savez(folder / "former.npz", segments=table.segments, pieces=table.pieces, state=old, count=int(state[6]))
     done = subprocess.run(
         [python, "-c", FORMER, str(former), str(folder / "former.npz")],
         capture_output=True,

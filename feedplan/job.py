@@ -501,10 +501,10 @@ def load_job_of_table(
     ``machine``.  Other arguments as for :func:`load_job`; the plan itself is read by :func:`planner.read_table`.
     """
     from planner import load_limits, table_limits
-    from planner.output.table import table_origin
     from planner.geometry.catalog import require_no_choice
     from planner.geometry.curve import Curve
     from planner.machine.machine_file import read_machine
+    from planner.output.table import table_origin
     from planner.programs.source import require_no_program_options
 
     own, reserve = table_limits(table), table_origin(table).override_reserve

@@ -11,17 +11,17 @@ The rate is governed by two numbers, 0 < H <= L (see docs/override.md for the pr
     r'^2 <= 2 L r   and   r'^2 <= 2 H (1 - r)            a triangle over r, with its tip at r = H / (H + L)
     |r''| <= L up to the rate ``low_until``, a little above the tip;  |r''| <= H above it.
 
-They are feasible if at every rate, with the largest r' of the triangle and the largest r'' there, each axis keeps its limits
-with the values (q_tau, q_tautau, q_tautautau) of every point of the plan, whatever their signs.  Those that give the shortest
-stop from full rate are chosen:
+They are feasible if at every rate, with the largest r' of the triangle and the largest r'' there, each axis keeps its
+limits with the values (q_tau, q_tautau, q_tautautau) of every point of the plan, whatever their signs.  Those that give
+the shortest stop from full rate are chosen:
 
     stop = R / H + R / L,   R = largest |r'| = sqrt(2 H L / (H + L)).
 
 Where the curvature jumps, the acceleration of an axis steps by r^2 D, and samples at the period T see up to 3/4 r^2 D / T of
 that as a jerk; points within three periods of such steps have their sum in a column more.
 
-Why it is feasible at every rate and not only at those looked at: rates are cut into cells, and a cell takes the largest r, the
-largest r' and the largest r'' in it.  Why at every point of the plan: between two nodes each axis is looked at 17 times, and
+Why it is feasible at every rate and not only at those looked at: rates are cut into cells, and a cell takes the largest
+r, the largest r' and the largest r'' in it.  Why at every point of the plan: between two nodes each axis is looked at 17 times, and
 what it has of acceleration and jerk is taken larger by a share that covers what lies between.
 """
 
@@ -112,9 +112,7 @@ def rate_limits(profile: FeedrateProfile, limits: Limits) -> RateLimits | None:
             return None
         broken = [_breaking(axis, found.high, found.low) for axis in axes]
         if not any(points.size for points in broken):
-            return RateLimits(
-                found.high * (1.0 - _FOR_ROUNDINGS), found.low * (1.0 - _FOR_ROUNDINGS), found.low_until
-            )
+            return RateLimits(found.high * (1.0 - _FOR_ROUNDINGS), found.low * (1.0 - _FOR_ROUNDINGS), found.low_until)
         some = [
             replace(axis, points=np.unique(np.concatenate([axis.points, points]), axis=0))
             for axis, points in zip(some, broken, strict=True)

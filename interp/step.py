@@ -1,8 +1,8 @@
 """The interpolator of a controller, ``interp/step.c``, from Python: the very source that the controller compiles.
 
-    step = PlanStep("part.fpr")
-    while not step.step(override=0.8):
-        send(step.position)
+step = PlanStep("part.fpr")
+while not step.step(override=0.8):
+send(step.position)
 """
 
 from __future__ import annotations
@@ -155,7 +155,9 @@ class PlanStep:
         if (sample is not None and sample < 0) or core.step_seek(self._plan, self._state, at, number, rate):
             place = f"time = {time!r} s" if sample is None else f"sample = {sample!r}"
             rates = "from 0 to 1" if self.governed else "1, since it is not governed"
-            raise InputError(f"{place}, rate = {rate!r}: must lie within the plan of {self.duration!r} s, the rate {rates}")
+            raise InputError(
+                f"{place}, rate = {rate!r}: must lie within the plan of {self.duration!r} s, the rate {rates}"
+            )
         self._look()
 
     @property
@@ -242,7 +244,8 @@ class PlanStep:
 
 
 _NOT_GOVERNED = (
-    "the plan was made without a reserve: it cannot be slowed down or held within the limits; plan it with an override reserve"
+    "the plan was made without a reserve: it cannot be slowed down or held within the limits; plan it with an "
+    "override reserve"
 )
 
 

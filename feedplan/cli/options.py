@@ -40,7 +40,7 @@ override_reserve = click.option(
     type=float,
     default=0.0,
     metavar="SHARE",
-    help="Share of every jerk limit, and a third of it of every acceleration limit, to leave for feed override and hold; 0.1 is usual.",
+    help="Share of every jerk limit, and a third of it of every acceleration limit, left for feed override and hold.",
 )
 curve = click.argument(
     "curve",

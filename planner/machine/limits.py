@@ -314,8 +314,8 @@ class Limits:
 def reserve_shares(reserve: float) -> tuple[float, float]:
     """Shares of the acceleration and of the jerk limits that a plan with a reserve for feed override uses.
 
-    Close to full rate the jerk that is left bounds how fast the rate begins to fall, the acceleration that is left how fast it
-    falls: a third as much of it is enough for both to be about equally tight.
+    Close to full rate the jerk that is left bounds how fast the rate begins to fall, the acceleration that is left how
+    fast it falls: a third as much of it is enough for both to be about equally tight.
 
     Raises
     ------

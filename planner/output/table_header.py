@@ -79,9 +79,7 @@ def origin_of(file: ColumnFile) -> Origin:
     """Read how the plan was asked for."""
     truths = {key: _truth(file, key) for key in ("exact_stop", "periodic")}
     reserve = _reserve(file)
-    return Origin(
-        number_of(file, "limit_period_s"), **truths, tolerance=_tolerance(file), override_reserve=reserve
-    )
+    return Origin(number_of(file, "limit_period_s"), **truths, tolerance=_tolerance(file), override_reserve=reserve)
 
 
 def reserve_lines(reserve: float) -> dict[str, str]:

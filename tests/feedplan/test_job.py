@@ -18,7 +18,17 @@ import interp
 import planner
 from feedplan.job import Job, load_job, load_job_of_table, plan_and_check
 from feedplan.sources import PATH_SHARE
-from planner import InputError, Limits, SolverError, check, load_curve, load_limits, read_program, write_table
+from planner import (
+    InputError,
+    Limits,
+    SolverError,
+    check,
+    load_curve,
+    load_limits,
+    read_program,
+    read_table,
+    write_table,
+)
 from planner.programs.path.smooth_path import program_path
 
 MILL = load_limits("mill")
@@ -257,3 +267,41 @@ def test_a_job_is_frozen():
     with pytest.raises(AttributeError):
         job.room = 1.0
     assert isinstance(job, Job)
+
+
+@pytest.fixture(scope="module")
+def reserved():
+    return plan_and_check("teardrop", "mill", override_reserve=0.1)
+
+
+class TestOverrideReserve:
+    def test_the_plan_uses_what_is_left_and_is_checked_against_the_whole(self, reserved):
+        assert reserved.ok
+        assert reserved.limits.jerk.tolist() == [20000.0, 20000.0]
+        jerk = [row.ratio for row in reserved.plan_report.rows if row.limit == "jerk"]
+        assert 0.8 < max(jerk) <= 0.9 * (1.0 + 1e-6)
+        assert reserved.profile.origin.override_reserve == 0.1
+
+    def test_the_verdict_says_what_it_costs(self, reserved):
+        plain = plan_and_check("teardrop", "mill")
+        assert reserved.reserve.without == plain.profile.duration
+        assert reserved.profile.duration > plain.profile.duration
+        assert reserved.reserve.stop_time < 0.7
+        assert reserved.lower_bound == pytest.approx(plain.lower_bound)
+        assert plain.reserve is None
+
+    def test_a_table_remembers_it(self, reserved, tmp_path):
+        from feedplan.job import load_job_of_table
+        from planner import write_table
+
+        write_table(tmp_path / "t.csv", reserved.profile, reserved.limits)
+        job = load_job_of_table(tmp_path / "t.csv", "teardrop")
+        found = read_table(tmp_path / "t.csv", job.curve)
+        assert job.override_reserve == found.origin.override_reserve == 0.1
+        assert job.limits == reserved.limits
+        assert found.limits == reserved.profile.limits
+        assert job.judge(found).ok
+
+    def test_a_reserve_that_is_none_is_refused_before_anything_is_planned(self):
+        with pytest.raises(InputError, match="override_reserve"):
+            plan_and_check("teardrop", "mill", override_reserve=0.7)

@@ -169,11 +169,13 @@ def test_sizes_that_contradict_one_another_are_refused(content, field, value):
             PlanStep(sealed(changed))
 
 
-@pytest.mark.parametrize(("place", "value"), [(0, -1.0), (0, np.nan), (3, 0.0), (12, -1.0), (13, 0.0), (14, 0.0), (15, np.nan)])
+@pytest.mark.parametrize(
+    ("place", "value"), [(0, -1.0), (0, np.nan), (3, 0.0), (12, -1.0), (13, 0.0), (14, 0.0), (15, np.nan)]
+)
 def test_header_numbers_out_of_range_are_refused(content, place, value):
     at = FRAME.size + COUNTS.size + 8 * place
     assert place < NUMBERS.size // 8
-    with pytest.raises(InputError, match="not in its range|out of order"):
+    with pytest.raises(InputError, match=r"not in its range|out of order"):
         PlanStep(sealed(content[:at] + struct.pack("<d", value) + content[at + 8 :]))
 
 
@@ -216,7 +218,9 @@ def mutations(rng, size, count, *, mended):
         elif kind == 3:
             at, value = 8 * int(rng.integers(size // 8)), special[rng.integers(len(special))]
             changes = [(at + i, byte) for i, byte in enumerate(value)]
-        parts.append(struct.pack(f"<{2 + 2 * len(changes)}q", cut, len(changes), *(x for pair in changes for x in pair)))
+        parts.append(
+            struct.pack(f"<{2 + 2 * len(changes)}q", cut, len(changes), *(x for pair in changes for x in pair))
+        )
         parts.append(struct.pack("<q", mended))
     return b"".join(parts)
 
@@ -246,7 +250,9 @@ def test_mutants_whose_checksum_fits_never_lead_out_of_bounds(driver, content):
 def test_a_hundred_thousand_mutants(driver, content, mended):
     total = 0
     for seed in range(10):
-        stream = mutations(np.random.default_rng(100 + seed), len(content), 10_000 if not mended else 2000, mended=mended)
+        stream = mutations(
+            np.random.default_rng(100 + seed), len(content), 10_000 if not mended else 2000, mended=mended
+        )
         refused, other = run_driver(driver, content, stream)
         total += refused
         assert mended or other == 0

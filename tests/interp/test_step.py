@@ -110,7 +110,9 @@ def test_seek_by_time_goes_to_that_point(plan, content):
     assert step.done
 
 
-@pytest.mark.parametrize("place", [{"time": -1.0}, {"time": 1e9}, {"sample": -1}, {"sample": 10**9}, {"time": 1.0, "rate": 1.5}])
+@pytest.mark.parametrize(
+    "place", [{"time": -1.0}, {"time": 1e9}, {"sample": -1}, {"sample": 10**9}, {"time": 1.0, "rate": 1.5}]
+)
 def test_places_outside_the_plan_are_refused(content, place):
     with pytest.raises(InputError, match="must lie within the plan"):
         PlanStep(content).seek(**place)
@@ -164,7 +166,7 @@ def test_held_for_ever_says_so(content):
 
 @pytest.mark.parametrize("period", [0.0, -1.0, np.nan, np.inf, 1e-12])
 def test_periods_that_are_none_are_refused(content, period):
-    with pytest.raises(InputError, match="period = .* must be > 0 and finite"):
+    with pytest.raises(InputError, match=r"period = .* must be > 0 and finite"):
         PlanStep(content, period)
 
 
@@ -197,7 +199,9 @@ def test_it_builds_for_a_cortex_m(tmp_path, capsys):
         pytest.skip("needs arm-none-eabi-gcc")
     made = tmp_path / "step.o"
     machine = ["-mcpu=cortex-m7", "-mthumb", "-mfpu=fpv5-d16", "-mfloat-abi=hard"]
-    subprocess.run([compiler, *FREE, *machine, "-O2", "-c", str(PROJECT / "interp" / "step.c"), "-o", str(made)], check=True)
+    subprocess.run(
+        [compiler, *FREE, *machine, "-O2", "-c", str(PROJECT / "interp" / "step.c"), "-o", str(made)], check=True
+    )
     row = subprocess.run(["arm-none-eabi-size", str(made)], capture_output=True, text=True, check=True).stdout
     text, data, bss = map(int, row.splitlines()[1].split()[:3])
     with capsys.disabled():

@@ -194,3 +194,22 @@ class TestLimits:
     def test_number_of_axes_must_be_that_of_the_curve(self):
         with pytest.raises(InputError, match=r"the limits have 2 axes \(X, Y\), but flank has 5 \(X, Y, Z, A, C\)"):
             feedrate_limits(load_curve("flank"), limits(), 0.5)
+
+
+@pytest.mark.parametrize("reserve", [0.0, 0.1, 0.5])
+def test_a_reserve_is_left_of_jerk_and_acceleration(reserve):
+    whole = Limits(100.0, [250.0, 200.0], [1000.0, 800.0], [20000.0, np.inf], tangential_jerk=9000.0)
+    part = whole.with_reserve(reserve)
+    assert part.jerk == pytest.approx((1.0 - reserve) * whole.jerk)
+    assert part.acceleration == pytest.approx((1.0 - reserve / 3.0) * whole.acceleration)
+    assert part.tangential_jerk == pytest.approx((1.0 - reserve) * 9000.0)
+    assert part.tangential_acceleration == np.inf
+    assert (part.feed, part.velocity.tolist()) == (100.0, [250.0, 200.0])
+    back = part.without_reserve(reserve)
+    assert back.jerk == pytest.approx(whole.jerk, rel=1e-15)
+
+
+@pytest.mark.parametrize("reserve", [-0.1, 0.6, np.nan])
+def test_a_reserve_that_is_none_is_refused(reserve):
+    with pytest.raises(InputError, match=r"override_reserve = .* must lie within 0 and 0\.5"):
+        Limits(100.0, 250.0, 1000.0, 20000.0).with_reserve(reserve)
