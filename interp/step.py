@@ -2,7 +2,7 @@
 
 step = PlanStep("part.fpr")
 while not step.step(override=0.8):
-send(step.position)
+    send(step.position)
 """
 
 from __future__ import annotations

@@ -116,6 +116,7 @@ ELSEWHERE = {
 # Files that are named after no module, by what they are about.
 TOPICS = {
     "benchmarks": "the commands of the benchmarks",
+    "docs/test_controller.py": "what the page for controllers shows in C, and the pins of HAL",
     "docs/test_docs.py": "pages, links, and what they say to type",
     "docs/test_formats.py": "keys and columns on the pages of the file formats",
     "feedplan/cli/test_programs.py": "what a shop asks of a part program",

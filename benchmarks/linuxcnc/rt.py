@@ -184,9 +184,7 @@ def _operate(
 
     end = time.monotonic() + seconds
     # The last signal of the HAL file: all that it names is loaded then.
-    while subprocess.run(
-        ["halcmd", "gets", "clocks"], env=environment, capture_output=True, check=False
-    ).returncode:
+    while subprocess.run(["halcmd", "gets", "clocks"], env=environment, capture_output=True, check=False).returncode:
         if time.monotonic() > end or hal.poll() is not None:
             raise RuntimeError("HAL did not come up")
         time.sleep(0.05)

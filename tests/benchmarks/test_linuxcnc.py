@@ -1,11 +1,15 @@
 """Programs judged by LinuxCNC itself, where it is installed."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from cases import drives
 
+from benchmarks.linuxcnc import rt
 from benchmarks.linuxcnc.interpreter import interpret, is_installed
 from benchmarks.linuxcnc.machine import largest_distance, run_program
+from interp.plan_file import plan_bytes
 from planner import plan_feedrate, write_ngc
 from planner.geometry.nurbs import NurbsCurve
 
@@ -58,3 +62,37 @@ def test_the_distance_to_a_polyline():
     vertices = np.array([[0, 0, 0], [10, 0, 0], [10, 0, 0], [10, 10, 0]], dtype=float)
     points = np.array([[1, 0.1, 0], [9.7, -0.2, 0], [10.3, 5, 0]])
     assert largest_distance(points, vertices) == pytest.approx(0.3)
+
+
+@pytest.mark.skipif(not rt.can_build(), reason="needs LinuxCNC with halcompile, and leave to write to its modules")
+def test_a_thread_of_linuxcnc_runs_the_plan(planned):
+    """The component, built and loaded, while its knobs are turned: the step's own positions, within every limit."""
+    curve, _ = planned
+    limits = drives(80)
+    profile = plan_feedrate(curve, limits.with_reserve(rt.RESERVE))
+    profile = replace(profile, origin=replace(profile.origin, override_reserve=rt.RESERVE))
+    content = plan_bytes(profile, limits)
+    knobs = [(0.3, "sets hold 1"), (0.5, "sets hold 0"), (0.3, "sets override 0.3"), (0.4, "sets override 1")]
+    with rt.component():
+        trace = rt.run_plan(content, 2, knobs)
+    assert rt.off_step(trace, content) <= rt.ALLOWED
+    assert max(rt.ratios(trace, limits).values()) <= 1.0
+    assert trace.hold.any()
+    assert trace.rate.min() == 0.0
+    assert trace.done[-1]
+
+
+def test_a_trace_that_breaks_a_limit_is_seen():
+    t = 1e-3 * np.arange(200)
+    position = np.stack([0.5 * 2000.0 * t**2, 0.0 * t], axis=1)  # twice the acceleration, and a jump of it at both ends
+    names = ("override", "hold", "run", "done", "rate", "feed", "clocks")
+    trace = rt.Trace(position, **{name: np.zeros(200) for name in names})
+    found = rt.ratios(trace, drives(80))
+    assert found["acceleration"] >= 1.999
+    assert found["jerk"] > 50.0
+
+
+def test_the_knobs_end_with_all_let_go():
+    knobs = rt.random_knobs(10.0)
+    assert knobs == rt.random_knobs(10.0)
+    assert [command for _, command in knobs[-2:]] == ["sets hold 0", "sets override 1"]
