@@ -140,7 +140,7 @@ class Core:
     def _declared(self) -> dict[str, tuple[str, list[str]]]:
         found: dict[str, tuple[str, list[str]]] = {}
         for name, text in self._source.items():
-            if name.endswith(".h") and not name.endswith(("_inline.h", "/core.h", "/step.h")):
+            if name.endswith(".h") and not name.endswith(("_inline.h", "/core.h", "/step.h", "/stream.h")):
                 found |= prototypes(text.decode())
         return found
 

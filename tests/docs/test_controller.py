@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
-from dataclasses import replace
 
 import pytest
 from cases import PROJECT
@@ -41,8 +40,7 @@ def test_the_example_builds_and_runs(tmp_path):
     subprocess.run([compiler, *STRICT, f"-I{PROJECT}", *files, "-lm", "-o", str(tmp_path / "example")], check=True)
     curve = load_curve("butterfly-nurbs")
     limits = load_limits("mill").for_curve(curve)
-    profile = plan_feedrate(curve, limits.with_reserve(0.1))
-    profile = replace(profile, origin=replace(profile.origin, override_reserve=0.1))
+    profile = plan_feedrate(curve, limits, override_reserve=0.1)
     # What the page computes, rounded down: to find it takes seconds, and the page does.
     write_plan_file(profile, tmp_path / "part.fpr", limits, governor=RateLimits(12.33, 198.62, 0.0777))
     done = subprocess.run(

@@ -99,7 +99,8 @@ def streamed(planned, packets, seed, delay, knobs):
     for k in range(200_000):
         producer.period(k, stream)
         if knobs and rng.random() < 0.003:
-            override, hold = (
+            asked = rng.choice([0.0, 0.3, rng.random()]), rng.random() < 0.3
+            override, hold = (1.0, False) if rng.random() < 0.5 else asked
                 (1.0, False) if rng.random() < 0.5 else (rng.choice([0.0, 0.3, rng.random()]), rng.random() < 0.3)
             )
         statuses.append(stream.step(override, hold))
@@ -209,7 +210,7 @@ def test_a_plan_without_a_reserve_has_no_packets():
 
 def test_wrong_sizes_and_periods_are_refused(planned):
     for period, slots in ((0.0, 3), (np.inf, 3), (np.nan, 3), (1e-3, 1)):
-        with pytest.raises(InputError, match="period = .* slots = "):
+        with pytest.raises(InputError, match=r"period = .* slots = "):
             PacketStream(period, 2, 1000, slots=slots)
     with pytest.raises(InputError, match="seconds = "):
         PlanPackets(planned[2], seconds=1e-3)
