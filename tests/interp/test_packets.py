@@ -101,8 +101,6 @@ def streamed(planned, packets, seed, delay, knobs):
         if knobs and rng.random() < 0.003:
             asked = rng.choice([0.0, 0.3, rng.random()]), rng.random() < 0.3
             override, hold = (1.0, False) if rng.random() < 0.5 else asked
-                (1.0, False) if rng.random() < 0.5 else (rng.choice([0.0, 0.3, rng.random()]), rng.random() < 0.3)
-            )
         statuses.append(stream.step(override, hold))
         if statuses[-1] != StreamStatus.EMPTY:
             positions.append(stream.position.copy())
