@@ -1,4 +1,4 @@
-"""A long plan in packets, each with a stop tail, and the ring in which a controller's thread finds them (``interp/stream.h``).
+"""A long plan in packets, each with a stop tail, and the ring from which a controller runs them (``interp/stream.h``).
 
     packets = PlanPackets("part.fpr")
     stream = PacketStream(packets.period, packets.dim, packets.largest)
@@ -6,9 +6,9 @@
         pass                                   # the producer: False is "the ring is full, later"
     status = stream.step(override, hold)       # the consumer, once a period
 
-A packet is a plan file of a stretch of the plan, from a sample of it to another, and the stop tail: as much of what follows as
-the governor needs to stop from any state.  Packets are numbered, and each is made of the plan and its number alone; a producer
-that died is replaced by one that goes on with packet ``put_count``.
+A packet is a plan file of a stretch of the plan, from a sample of it to another, and the stop tail: as much of what follows
+as the governor needs to stop from any state.  Each is made of the plan and its number alone; a producer that died is replaced
+by one that goes on with packet ``put_count``.
 """
 
 from __future__ import annotations
@@ -139,8 +139,8 @@ class PacketStream:
     slots : int
         Packets in the ring, the one that is run among them.
     memory : (n,) uint8 array, optional
-        Where the stream stands, n as :meth:`memory_size` says and the first byte at a multiple of 8; for processes that share
-        memory at one address.
+        Where the stream stands, n as :meth:`memory_size` says, the first byte at a multiple of 8; for processes that
+        share memory at one address.
 
     Attributes
     ----------

@@ -39,7 +39,10 @@ def drawn(trace: Trace, limits: Limits) -> Figure:
     return plot_panels(
         "The butterfly in LinuxCNC: override and hold are moved, every limit holds",
         [
-            Panel("What is asked for, and the rate", label, "share", [Line("asked", t, asked), Line("rate", t, trace.rate, 1.2)]),
+            Panel(
+                "What is asked for, and the rate", label, "share",
+                [Line("asked", t, asked), Line("rate", t, trace.rate, 1.2)],
+            ),
             Panel("Feed", label, "mm/s", [Line("feed", t, trace.feed)], bounds=(limits.feed,), zero=True),
             Panel(
                 "Jerk of the axes, and the limit", label, "mm/s³",
