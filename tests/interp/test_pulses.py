@@ -236,3 +236,53 @@ class TestRefusals:
         points = np.linspace([0.0, 0.0], [1.0, 1.0], 41)
         with pytest.raises(InputError, match="its pieces are of degree 40; pulses are found up to degree 31"):
             everything(rest_to_rest(points), StepDriver({"X": 1.0, "Y": 1.0}))
+
+
+def random_plan(seed):
+    """A spline of any degree and weights, run through by any forward law; None where the law would fall back."""
+    rng = np.random.default_rng(seed)
+    degree, inner, nodes = (int(rng.integers(*ends)) for ends in ((1, 8), (0, 4), (2, 30)))
+    count = degree + 1 + inner
+    knots = np.concatenate([np.zeros(degree + 1), np.sort(rng.uniform(0.1, 0.9, inner)), np.ones(degree + 1)])
+    points = rng.normal(size=(count, 2)) * 10.0 ** rng.uniform(-2.0, 2.0)
+    if rng.random() < 0.3:
+        points[:, 1] = 0.5  # at rest, halfway between two steps; X then only goes on
+        points[:, 0].sort()
+    weights = rng.uniform(0.2, 5.0, count) if rng.random() < 0.5 else None
+    t = np.concatenate([[0.0], np.cumsum(rng.uniform(0.01, 0.1, nodes - 1))])
+    u = np.concatenate([[0.0], np.cumsum(rng.uniform(0.5, 1.5, nodes - 1))])
+    u /= u[-1]
+    rate = np.concatenate([[0.0], (u[2:] - u[:-2]) / (t[2:] - t[:-2]), [0.0]]) if nodes > 2 else np.zeros(2)
+    law = TimeLaw(t, u, rate, np.zeros(nodes))
+    if law.at(np.linspace(0.0, t[-1], 100 * nodes))[1].min() < 0.0:
+        return None
+    curve = NurbsCurve(points, knots, degree, weights, name="random")
+    steps = {"X": float(10.0 ** rng.uniform(0.0, 3.0)), "Y": float(rng.choice([1.0, 2.0, 10.0, 333.3]))}
+    return make_profile(curve, LOOSE, law, method=""), StepDriver(steps, PICO, pulse=1e-12, space=1e-12, setup=1e-9)
+
+
+def test_random_plans():
+    """The counter is within half a step just before and after each pulse, and in between."""
+    tried = found = 0
+    for seed in range(100):
+        made = random_plan(seed)
+        if made is None:
+            continue
+        tried += 1
+        profile, driver = made
+        summary = PulseSummary()
+        blocks = list(step_pulses(profile, driver, summary))
+        for j, steps in enumerate(driver.steps_of(profile.curve.axes)):
+            own = np.concatenate([np.empty(0), *(block.tick[block.axis == j] / PICO for block in blocks)])
+            up = np.concatenate([np.empty(0, dtype=bool), *(block.up[block.axis == j] for block in blocks)])
+            counts = first_counts(profile, driver)[j] + np.concatenate([[0], np.cumsum(np.where(up, 1, -1))])
+            near = np.concatenate([np.linspace(0.0, profile.duration, 2000), own - 1e-11, own + 1e-11])
+            near = np.clip(near, 0.0, profile.duration)
+            states = profile.at(near)
+            d = profile.curve.derivatives(states.u, 1)[..., j]
+            off = np.abs(steps * d[0] - counts[np.searchsorted(own, near, side="right")])
+            slack = 1e-6 + 2e-11 * steps * np.abs(d[1] * states.u_rate)
+            assert (off <= summary.error_steps + slack).all(), f"seed {seed}, axis {j}"
+            found += own.size
+    assert tried > 40
+    assert found > 10_000
