@@ -21,8 +21,8 @@ Where the curvature jumps, the acceleration of an axis steps by r^2 D, and sampl
 that as a jerk; points within three periods of such steps have their sum in a column more.
 
 Why it is feasible at every rate and not only at those looked at: rates are cut into cells, and a cell takes the largest
-r, the largest r' and the largest r'' in it.  Why at every point of the plan: between two nodes each axis is looked at 17 times, and
-what it has of acceleration and jerk is taken larger by a share that covers what lies between.
+r, the largest r' and the largest r'' in it.  Why at every point of the plan: between two nodes each axis is looked at 17
+times, and what it has of acceleration and jerk is taken larger by a share that covers what lies between.
 """
 
 from __future__ import annotations
@@ -156,8 +156,8 @@ def _axes(profile: FeedrateProfile, limits: Limits) -> list[_Axis]:
         points[:, 1] += _BETWEEN * (acceleration if np.isfinite(acceleration) else 0.0)
         points[:, 2] += _BETWEEN * (jerk if np.isfinite(jerk) else 0.0)
         stepped = points[:, 3] > 0.0
-        points = np.concatenate([_outermost(points[~stepped]), np.unique(points[stepped], axis=0)])
-        found.append(_Axis(points, acceleration, jerk))
+        worst = np.concatenate([_outermost(points[~stepped]), np.unique(points[stepped], axis=0)])
+        found.append(_Axis(worst, acceleration, jerk))
     return found
 
 

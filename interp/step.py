@@ -1,8 +1,8 @@
 """The interpolator of a controller, ``interp/step.c``, from Python: the very source that the controller compiles.
 
-step = PlanStep("part.fpr")
-while not step.step(override=0.8):
-    send(step.position)
+    step = PlanStep("part.fpr")
+    while not step.step(override=0.8):
+        send(step.position)
 """
 
 from __future__ import annotations

@@ -162,6 +162,7 @@ def read_table(path: str | Path, curve: Curve) -> FeedrateProfile:
         names = limit_names(curve.axes)
         _require_lines(file, {"axes": " ".join(curve.axes), "limit_names": ", ".join(names)})
         limits, origin = _limits_of(file), origin_of(file)
+        used = limits.with_reserve(origin.override_reserve) if origin.override_reserve else limits
         written = file.columns(wanted, {"binding": names})
         columns = columns_on_curve(file, written, curve, _axis_columns(curve))
         _require_time_law(file, columns, curve)
@@ -176,7 +177,7 @@ def read_table(path: str | Path, curve: Curve) -> FeedrateProfile:
             limit_names=names,
             lower_bound=number_of(file, "lower_bound_s"),
             method=header["method"],
-            limits=limits.with_reserve(origin.override_reserve) if origin.override_reserve else limits,
+            limits=used,
             claim=Claim.TABLE,
             origin=origin,
             status=status_of(file),
@@ -184,7 +185,7 @@ def read_table(path: str | Path, curve: Curve) -> FeedrateProfile:
             slowed=slowed_of(file, columns["t_s"].size),
             checked=header["verdict"],
         )
-        _require_agreement(file, columns, profile, profile.limits)
+        _require_agreement(file, columns, profile, used)
         _require_facts(file, profile)
         file.require_rows(written)
         file.require_only([*_KEYS, *OPTIONAL_KEYS, *(key for keys in _limit_keys(curve.axes).values() for key in keys)])
