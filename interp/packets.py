@@ -7,8 +7,8 @@
     status = stream.step(override, hold)       # the consumer, once a period
 
 A packet is a plan file of a stretch of the plan, from a sample of it to another, and the stop tail: as much of what follows
-as the governor needs to stop from any state.  Each is made of the plan and its number alone; a producer that died is replaced
-by one that goes on with packet ``put_count``.
+as the governor needs to stop from any state.  Each is made of the plan and its number alone; a producer that died is
+replaced by one that goes on with packet ``put_count``.
 """
 
 from __future__ import annotations
