@@ -182,7 +182,9 @@ def read_plan_file(source: str | Path | bytes) -> PlanFile:
         arrays.append(np.frombuffer(content, dtype="<f8", count=count, offset=at).astype(float).reshape(shape))
         at += 8 * count
     axis_limits, ends, curve, law, starts = arrays
-    limits = Limits(feed, axis_limits[0], axis_limits[1], axis_limits[2], chord, period, tangential_a, tangential_j, axes, rapid)
+    limits = Limits(
+        feed, axis_limits[0], axis_limits[1], axis_limits[2], chord, period, tangential_a, tangential_j, axes, rapid
+    )
     table = InterpolatorTable(law, curve, duration, (u_range[0], u_range[1]), ends)
     governor = RateLimits(*numbers[12:16]) if governed else None
     text = (name.rstrip(b"\0").decode(), fingerprint.rstrip(b"\0").decode())

@@ -3,6 +3,8 @@
     step = PlanStep("part.fpr")
     while not step.step(override=0.8):
         send(step.position)
+
+The positions are those that the machine will be sent, to the last bit.
 """
 
 from __future__ import annotations
