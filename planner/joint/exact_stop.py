@@ -21,6 +21,9 @@ _FEW, _PER_ZONE_OF_FEW, _PER_MIDDLE_OF_FEW = 20, 16, 10
 _GROWTH = 1.15  # of the width from segment to segment, away from a vertex
 _ZONE = 5.0  # length of a phase beside a vertex, of (e / J)^(1/3)
 _MIN_UNIT = 0.5  # of time, of (e / J)^(1/3)
+_MAX_ON_ARC = (
+    200  # segments of one time unit along an arc: at a very small feed there would be one for every few nanometres
+)
 _FOLLOWED = 50.0  # fourth power of the widest segment along an arc, of e r^3 / v^4
 _Phases = list[tuple[float, FloatArray]]
 
@@ -109,7 +112,7 @@ def _along_bend(run: JointRun, leg: int, slowed: float) -> tuple[_Phases, FloatA
         durations, jerks = seven_phases(length, speed, acceleration, 0.4 * (run.jerk / first).min())
     total = durations.sum()
     finest = (_FOLLOWED * run.tolerance[leg] * run.legs.radius(row)[0] ** 3 / speed**4) ** 0.25
-    finest = min(finest, units_of(run)[0])
+    finest = min(finest, max(units_of(run)[0], total / _MAX_ON_ARC))
     phases = _phases(run, leg, total, max(3, int(np.ceil(total / (_counts(run)[1] * finest)))))
     width = np.concatenate([time * shares for time, shares in phases])
     s = along(durations, jerks, np.concatenate([[0.0], np.cumsum(width)]))[0]

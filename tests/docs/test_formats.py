@@ -34,7 +34,15 @@ from planner.status import Status
 SLOTS = str(PROGRAMS / "slots.ngc")
 STOPS = str(PROGRAMS / "stops.ngc")
 ALWAYS = "always"
-TABLES = (("teardrop", "XY"), ("flank", "XYZAC"), ("slots", "XY"), ("slowed", "XY"), ("weighed", "XY"), ("sided", "XY"))
+TABLES = (
+    ("teardrop", "XY"),
+    ("flank", "XYZAC"),
+    ("slots", "XY"),
+    ("slowed", "XY"),
+    ("weighed", "XY"),
+    ("sided", "XY"),
+    ("reserved", "XY"),
+)
 
 
 def rows(page, name):
@@ -83,6 +91,8 @@ def files(tmp_path_factory):
     limits = load_limits("mill").for_curve(curve)
     plan = replace(plan_feedrate(curve, limits, intervals=100), slowed=((0, 1.5),))
     write_table(folder / "slowed.csv", plan, limits)
+    reserved = plan_feedrate(curve, limits, intervals=100, override_reserve=0.05)
+    write_table(folder / "reserved.csv", reserved, limits)
     part = load_curve(SLOTS)
     write_table(folder / "weighed.csv", plan_feedrate(part, load_limits("mill").for_curve(part)), limits)
     return folder

@@ -181,7 +181,13 @@ class TestPlan:
             "exact_stop": True,
             "intervals": 33,
             "budget": 7.0,
+            "override_reserve": 0.0,
         }
+        reserves = []
+        planned_by(monkeypatch, lambda curve, limits, **given: reserves.append(given["override_reserve"]) or plan)
+        run("plan", "teardrop", "--override-reserve", "0.05")
+        assert reserves == [0.05, 0.0]  # the second for what the reserve costs
+        planned_by(monkeypatch, planning)
         run("plan", "teardrop", "--scale", "2")
         assert seen["curve"].length == pytest.approx(2.0 * plan.curve.length)
 

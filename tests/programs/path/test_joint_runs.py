@@ -175,6 +175,16 @@ def test_the_feed_of_each_block_is_kept_and_changes_at_its_end():
         assert 0.9 * feed < profile.feed[inside].max() <= feed * (1.0 + 1e-6)
 
 
+@pytest.mark.parametrize("feed", [1.0, 0.1, 0.01])
+def test_an_arc_at_a_small_feed_has_no_more_pieces_for_it(feed):
+    """A piece a unit of time would be 200 000 of them, and minutes of solving."""
+    moves = line(5, 0), arc((15, 0, 0), (10, 0, 0), 1), line(20, 0)
+    path, profile = planned(program(*moves, feed=feed))
+    assert path.counts["joint"] == 1
+    assert profile.t.size < 1000
+    assert profile.duration == pytest.approx((10.0 + 5.0 * np.pi) / feed, rel=5e-3)
+
+
 def test_each_block_keeps_its_own_tolerance():
     wide, narrow = 0.05, 0.005
     moves = [
