@@ -140,7 +140,7 @@ def export_plan(
     """
     for name, report in verdict.reports:
         if not report.ok:
-            said = "the plan" if name == "plan" else "the samples of the plan"
+            said = "the plan" if name == "plan" else "the plan as sampled"
             raise BrokenLimitError(f"{path}: not written: {said} {report.summary()}; plan again within the limits")
     given = {key: options.get(key) for key in _OWN[kind]}
     progress(f"writing {path}", None)

@@ -80,6 +80,11 @@ class StepDriver:
                 raise InputError(f"{name} = {value!r} s must be >= 0 and finite")
         if not self.pulse + self.space > 0.0:
             raise InputError("pulse + space = 0 s leaves no time between pulses; one of them must be > 0")
+        if self.clock_hz * self.same < 1.0 - _ROUNDING:
+            raise InputError(
+                f"clock_hz = {self.clock_hz!r} Hz must be at least {1.0 / self.same:.6g} Hz, 1 / (pulse + space): two pulses "
+                "of an axis could fall on one tick"
+            )
 
     @property
     def same(self) -> float:

@@ -33,6 +33,7 @@ _ERRORS = {
     8: "it numbers a curve piece or a line that is none",
 }
 _CHUNK = 1 << 16
+_MAX_SAMPLES = 1 << 33  # of a plan, as in step.c
 
 
 class PlanStep:
@@ -130,9 +131,19 @@ class PlanStep:
             n <= count: the last is the end where there are fewer.
         course : (n, 4) array
             Plan time, s, rate, the slope of the rate, 1/s, and curve parameter after each step.
+
+        Raises
+        ------
+        InputError
+            If override or hold are of another shape, or ask a plan that is not governed for another rate than 1.
         """
-        asked = np.ascontiguousarray(np.broadcast_to(np.asarray(override, dtype=np.float64), (count,)))
-        held = np.ascontiguousarray(np.broadcast_to(np.asarray(hold, dtype=bool), (count,)))
+        asked, held = np.asarray(override, dtype=np.float64), np.asarray(hold, dtype=bool)
+        if count < 0 or any(of.shape not in ((), (count,)) for of in (asked, held)):
+            raise InputError(
+                f"count = {count!r} must be >= 0, and override and hold, of the shapes {asked.shape} and {held.shape}, one "
+                "number or one for each step"
+            )
+        asked, held = (np.ascontiguousarray(np.broadcast_to(of, (count,))) for of in (asked, held))
         if not self.governed and (held.any() or (asked != 1.0).any()):
             raise InputError(_NOT_GOVERNED)
         positions, course = np.empty((count, self.dim)), np.empty((count, 4))
@@ -149,12 +160,16 @@ class PlanStep:
         Raises
         ------
         InputError
-            If neither or both are given, or the place does not lie within the plan.
+            If neither or both are given, or the place does not lie within the plan; a sample is a whole number.
         """
         if (time is None) == (sample is None):
             raise InputError("give either a time or a sample")
-        at, number = (inf, int(sample)) if sample is not None else (float(time if time is not None else 0.0), -1)
-        if (sample is not None and sample < 0) or core.step_seek(self._plan, self._state, at, number, rate):
+        # The number goes to C as 64 bits: what has no place there, or is no whole number, must not become another.
+        whole = sample is None or (0 <= sample < _MAX_SAMPLES and sample == int(sample))
+        at, number = (
+            (float(time), -1) if time is not None else (inf, int(sample) if sample is not None and whole else -1)
+        )
+        if not whole or core.step_seek(self._plan, self._state, at, number, rate):
             place = f"time = {time!r} s" if sample is None else f"sample = {sample!r}"
             rates = "from 0 to 1" if self.governed else "1, since it is not governed"
             raise InputError(

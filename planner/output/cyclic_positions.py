@@ -79,7 +79,9 @@ def write_cyclic_positions(
     require_instance(samples, Samples, "samples")
     require_instance(report, Report, "report")
     if not report.ok:
-        raise BrokenLimitError(f"{path}: not written: the samples {report.summary()}; plan again within the limits")
+        raise BrokenLimitError(
+            f"{path}: not written: the plan as sampled {report.summary()}; plan again within the limits"
+        )
     curve = profile.curve
     factor, cycle = increments_of(curve, increments), interpolation_time(samples.period)
     columns: dict[str, NDArray[Any]] = {"t_s": samples.t}
@@ -117,7 +119,7 @@ def interpolation_time(period: float) -> tuple[int, int]:
 
     Raises InputError where there are none: the value is a whole number from 1 to 255.
     """
-    for power in reversed(_POWERS):
+    for power in reversed(_POWERS) if np.isfinite(period) else ():
         value = round(period * 10.0**-power)
         if 1 <= value <= _MAX_PERIODS and abs(value * 10.0**power - period) <= 1e-12 * period:
             return value, power

@@ -222,6 +222,11 @@ class TestRefusals:
             ({"A": np.nan}, {}, "steps per rad of A = nan must be"),
             ({"X": 1.0, "Y": 1.0}, {"clock_hz": 0.0}, r"clock_hz = 0\.0 must be a number > 0"),
             ({"X": 1.0, "Y": 1.0}, {"clock_hz": 1e18}, r"clock_hz = 1e\+18 Hz ticks more than 2\^55 times in 1 s"),
+            (
+                {"X": 1.0, "Y": 1.0},
+                {"clock_hz": 1e5},
+                r"clock_hz = 100000\.0 Hz must be at least 200000 Hz, 1 / \(pulse",
+            ),
             ({"X": 1.0, "Y": 1.0}, {"pulse": -1e-6}, r"pulse = -1e-06 s must be >= 0 and finite"),
             ({"X": 1.0, "Y": 1.0}, {"setup": np.nan}, "setup = nan s must be >= 0"),
             ({"X": 1.0, "Y": 1.0}, {"pulse": 0.0, "space": 0.0}, "pulse . space = 0 s leaves no time"),

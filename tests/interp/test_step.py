@@ -111,11 +111,29 @@ def test_seek_by_time_goes_to_that_point(plan, content):
 
 
 @pytest.mark.parametrize(
-    "place", [{"time": -1.0}, {"time": 1e9}, {"sample": -1}, {"sample": 10**9}, {"time": 1.0, "rate": 1.5}]
+    "place",
+    [
+        {"time": -1.0},
+        {"time": 1e9},
+        {"sample": -1},
+        {"sample": 10**9},
+        {"sample": 2**70},
+        {"sample": 1.5},
+        {"sample": np.nan},
+        {"time": 1.0, "rate": 1.5},
+    ],
 )
 def test_places_outside_the_plan_are_refused(content, place):
     with pytest.raises(InputError, match="must lie within the plan"):
         PlanStep(content).seek(**place)
+
+
+@pytest.mark.parametrize(
+    "signals", [{"count": -1}, {"count": 3, "override": [1.0, 0.5]}, {"count": 2, "hold": [[True]]}]
+)
+def test_signals_of_another_length_are_refused(content, signals):
+    with pytest.raises(InputError, match=r"count = -?\d must be >= 0, and override and hold, of the shapes"):
+        PlanStep(content).run(**signals)
 
 
 def test_seek_needs_one_place(content):

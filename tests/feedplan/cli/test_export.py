@@ -105,6 +105,8 @@ class TestRefusals:
                 "is no interpolation time of a drive (0x60C2)",
             ),
             (("-o", "a.csv", "--counts-per-mm", "1", "--period-s", "0"), 2, "is no interpolation time"),
+            (("-o", "a.csv", "--counts-per-mm", "1", "--period-s", "nan"), 2, "is no interpolation time"),
+            (("-o", "a.csv", "--counts-per-mm", "1", "--period-s", "inf"), 2, "is no interpolation time"),
             (("-o", "a.csv", "--counts-per-mm", "1", "--joint-names", "x"), 2, "--joint-names is for the format ros"),
             (("-o", "a.yaml", "--joint-names", "x"), 2, "joint names x must be 2 different ones, for X Y"),
             (("-o", "a.yaml", "--deviation-mm", "-1"), 2, "tolerance = -1.0 must be a number > 0"),
