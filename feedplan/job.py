@@ -138,17 +138,15 @@ class Job:
         profile = self.plan(progress, **options)
         seconds = time.perf_counter() - began + self.path_seconds
         # What is proved is of every plan within the limits, and one without a reserve is nearer to the fastest.
-        nearest = profile
-        if self.override_reserve:
-            progress("planning without the reserve", None)
-            nearest = self.plan(progress, **(options | {"override_reserve": 0.0}))
+        without = self._without_reserve(profile, progress, options) if self.override_reserve else None
+        nearest = profile if without is None else without
         if bound and profile.method != UNBOUNDED:
             found = self.bound(nearest, progress, certificate=certificate)
             notes = (*profile.notes, *found.notes[len(nearest.notes) :])
             profile = replace(profile, lower_bound=found.lower_bound, claim=found.claim, notes=notes)
         verdict = self.judge(profile, progress, seconds=seconds)
         if self.override_reserve:
-            verdict = replace(verdict, reserve=self.reserve_cost(profile, nearest, progress))
+            verdict = replace(verdict, reserve=self.reserve_cost(profile, without, progress))
         if bound and profile.method != UNBOUNDED:
             verdict = replace(verdict, any_path=self.any_path_bound(progress))
         return verdict if certificate is None else self.prove(verdict, certificate, progress)
@@ -167,8 +165,25 @@ class Job:
             profile = replace(profile, lower_bound=math.nan, claim=Claim.NONE)
         return profile
 
+    def _without_reserve(
+        self, profile: FeedrateProfile, progress: Progress, options: Mapping[str, Any]
+    ) -> FeedrateProfile | None:
+        """The plan without the reserve, on the same path; None where none is found, or it stops where this one does not.
+
+        A path that was found with its feed may turn back in motion.  The feed that was found is of the limits with the
+        reserve; another plan of that path stops there, or is not found at all.
+        """
+        from planner.errors import SolverError
+
+        progress("planning without the reserve", None)
+        try:
+            found = self.plan(progress, **(options | {"override_reserve": 0.0}))
+        except SolverError:
+            return None
+        return found if _rests(found) <= _rests(profile) else None
+
     def reserve_cost(
-        self, profile: FeedrateProfile, without: FeedrateProfile, progress: Progress = _silent
+        self, profile: FeedrateProfile, without: FeedrateProfile | None, progress: Progress = _silent
     ) -> ReserveCost:
         """What the reserve of a plan costs, against a plan without it on the same path, and how fast it stops."""
         from feedplan.verdict import ReserveCost
@@ -177,7 +192,7 @@ class Job:
         progress("finding the fastest stop", None)
         found = rate_limits(profile, self.limits)
         stop = math.nan if found is None else found.stop_time
-        return ReserveCost(profile.origin.override_reserve, without.duration, stop)
+        return ReserveCost(profile.origin.override_reserve, math.nan if without is None else without.duration, stop)
 
     def bound(
         self, profile: FeedrateProfile, progress: Progress = _silent, *, certificate: Path | None = None
@@ -358,6 +373,12 @@ def plan_and_check(
         override_reserve=override_reserve,
     )
     return job.run(progress, bound=bound, **options)
+
+
+def _rests(profile: FeedrateProfile) -> set[float]:
+    """Parameters inside the path at which a plan comes to rest; where it turns back in motion it has an acceleration."""
+    inner = (profile.t > 0.0) & (profile.t < profile.duration)
+    return set(profile.u[inner & (profile.u_rate == 0.0) & (profile.u_acceleration == 0.0)].tolist())
 
 
 def load_job(

@@ -42,7 +42,7 @@ class ReserveCost:
     share : float
         Of every jerk limit; a third of it of every acceleration limit.
     without : float
-        Duration of the plan without a reserve on the same path, s.
+        Duration of the plan without a reserve on the same path, s; nan where there is none to compare with.
     stop_time : float
         From full rate to a feed hold, s, wherever it begins; nan where the reserve is too small for any.
     """

@@ -136,8 +136,11 @@ def _reserve(verdict: Verdict) -> list[str]:
     reserve = verdict.reserve
     if reserve is None:
         return []
-    more = verdict.profile.duration - reserve.without
-    cost = f"{quantity(more, 's')} or {percent(more / reserve.without, 2)} more than {reserve.without:.6g} s without it"
+    if math.isnan(reserve.without):
+        cost = "what that costs is not known, as no plan without it is found that turns back where this one does"
+    else:
+        more = max(verdict.profile.duration - reserve.without, 0.0)
+        cost = f"{quantity(more, 's')} or {percent(more / reserve.without, 2)} more than {reserve.without:.6g} s without it"
     hold = (
         f"a feed hold from full feed takes {reserve.stop_time:.3g} s"
         if math.isfinite(reserve.stop_time)

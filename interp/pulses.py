@@ -82,8 +82,8 @@ class StepDriver:
             raise InputError("pulse + space = 0 s leaves no time between pulses; one of them must be > 0")
         if self.clock_hz * self.same < 1.0 - _ROUNDING:
             raise InputError(
-                f"clock_hz = {self.clock_hz!r} Hz must be at least {1.0 / self.same:.6g} Hz, 1 / (pulse + space): two pulses "
-                "of an axis could fall on one tick"
+                f"clock_hz = {self.clock_hz!r} Hz must be at least {1.0 / self.same:.6g} Hz, 1 / (pulse + space): two "
+                "pulses of an axis could fall on one tick"
             )
 
     @property

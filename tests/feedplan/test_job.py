@@ -18,6 +18,7 @@ import interp
 import planner
 from feedplan.job import Job, load_job, load_job_of_table, plan_and_check
 from feedplan.sources import PATH_SHARE
+from feedplan.verdict_text import to_text
 from planner import (
     InputError,
     Limits,
@@ -289,6 +290,17 @@ class TestOverrideReserve:
         assert reserved.reserve.stop_time < 0.7
         assert reserved.lower_bound == pytest.approx(plain.lower_bound)
         assert plain.reserve is None
+
+    @pytest.mark.parametrize("moves", ["G1 X50\nX20\nX60\nX0", "G1 X50\nX10 Y0.01\nX60 Y0.02\nX0 Y1\nX50 Y1\nX50 Y0"])
+    def test_a_path_that_turns_back_in_motion(self, tmp_path, moves):
+        """Without the reserve its path has no such plan: others stop there, and their bounds are none of this one."""
+        (tmp_path / "turns.ngc").write_text(f"G21 G90 G94 F6000 G64 P0.05\nG0 X0 Y0\n{moves}\nM2\n", encoding="utf-8")
+        verdict = plan_and_check(tmp_path / "turns.ngc", "mill", override_reserve=0.1)
+        assert verdict.ok
+        assert not verdict.lower_bound > verdict.profile.duration
+        assert np.isnan(verdict.reserve.without)
+        assert verdict.reserve.stop_time < 0.7
+        assert "what that costs is not known" in " ".join(" ".join(to_text(verdict)).split())
 
     def test_a_table_remembers_it(self, reserved, tmp_path):
         from feedplan.job import load_job_of_table
