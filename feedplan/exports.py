@@ -153,7 +153,7 @@ def _plan_file(job: Job, verdict: Verdict, path: Path, given: Mapping[str, Any])
     """What the C step of a controller reads, with the lines of the program that the path is of."""
     import numpy as np
 
-    from interp.plan_file import write_plan_file
+    from interp.plan_file import read_plan_file, write_plan_file
 
     lines = np.empty((0, 2))
     if job.program is not None and job.path is not None:
@@ -166,8 +166,15 @@ def _plan_file(job: Job, verdict: Verdict, path: Path, given: Mapping[str, Any])
     write_plan_file(verdict.profile, path, limits, lines=lines)
     nodes, size = verdict.profile.t.size, path.stat().st_size
     said = f", {len(lines)} lines of the program" if len(lines) else ""
-    text = f"{nodes} nodes of the plan{said}, {size} bytes, for interp/step.c"
-    return Exported(text, {"nodes": nodes, "lines": len(lines), "bytes": size})
+    governor = read_plan_file(path).governor
+    obeys = (
+        "it obeys neither override nor hold (plan it with --override-reserve)"
+        if governor is None
+        else f"it obeys override and hold, and a hold from full rate takes {governor.stop_time:.3g} s"
+    )
+    text = f"{nodes} nodes of the plan{said}, {size} bytes, for interp/step.c; {obeys}"
+    stop = None if governor is None else governor.stop_time
+    return Exported(text, {"nodes": nodes, "lines": len(lines), "bytes": size, "stop_time_s": stop})
 
 
 def _cyclic(job: Job, verdict: Verdict, path: Path, given: Mapping[str, Any]) -> Exported:

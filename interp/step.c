@@ -155,11 +155,16 @@ static int check_header(feedplan_plan *plan, const unsigned char *bytes)
 {
     Header header;
     memcpy(&header, bytes + AT_NUMBERS, sizeof header);
-    const double finite[] = {header.duration, header.u_start, header.u_end, header.period, header.start_feed, header.end_feed};
+    const double finite[] = {header.duration,   header.u_start,  header.u_end,   header.period,
+                             header.start_feed, header.end_feed, header.reserve, header.stop_time};
     const double limits[] = {header.feed, header.rapid, header.chord_error, header.tangential_acceleration,
-                             header.tangential_jerk, header.duration, header.period};
-    if (!all_finite(finite, 6) || !all_positive(limits, 7) || !all_positive(plan->velocity, 3 * plan->dim) ||
+                             header.tangential_jerk, header.duration, header.period, header.acceleration_share,
+                             header.jerk_share};
+    if (!all_finite(finite, 8) || !all_positive(limits, 9) || !all_positive(plan->velocity, 3 * plan->dim) ||
         !all_finite(plan->start, 2 * plan->dim))
+        return FEEDPLAN_NUMBER;
+    if (header.reserve < 0.0 || header.reserve > 0.5 || header.acceleration_share > 1.0 || header.jerk_share > 1.0 ||
+        header.stop_time < 0.0)
         return FEEDPLAN_NUMBER;
     if (!(header.u_end > header.u_start))
         return FEEDPLAN_ORDER;

@@ -22,7 +22,7 @@ option extra_cleanup yes;
 pin out float position-#[9:personality] "Position of an axis, in the order of the plan, mm, or rad of a rotary axis";
 pin in float override = 1.0 "Share of the planned rate that is asked for, 0 to 1; what is outside counts as the nearer end";
 pin in bit hold "Asks for a stop on the path, as an override of 0 does";
-pin in bit run "Starts the plan or goes on with it; false asks for a stop. After the end false, then true, begins it again";
+pin in bit run "Starts the plan or goes on with it; false asks for a stop. After the end false, then true, begins it again, at its start: a jump where that is not its end";
 pin out bit done "The end of the plan is reached";
 pin out bit governed "The plan obeys override, hold and run";
 pin out float feed "Feed of the linear axes during the last period, mm/s";

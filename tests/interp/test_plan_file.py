@@ -170,7 +170,21 @@ def test_sizes_that_contradict_one_another_are_refused(content, field, value):
 
 
 @pytest.mark.parametrize(
-    ("place", "value"), [(0, -1.0), (0, np.nan), (3, 0.0), (12, -1.0), (13, 0.0), (14, 0.0), (15, np.nan)]
+    ("place", "value"),
+    [
+        (0, -1.0),
+        (0, np.nan),
+        (3, 0.0),
+        (9, np.nan),
+        (9, 0.6),
+        (10, 0.0),
+        (11, 1.5),
+        (12, -1.0),
+        (13, 0.0),
+        (14, 0.0),
+        (15, np.nan),
+        (16, np.inf),
+    ],
 )
 def test_header_numbers_out_of_range_are_refused(content, place, value):
     at = FRAME.size + COUNTS.size + 8 * place

@@ -65,6 +65,15 @@ class TestFiles:
         assert f"{len(read_pulses(file).pulses)} pulses: X " in out
         assert "200 kHz allowed; within 0.5 steps of the plan" in out
 
+    def test_a_plan_file_says_whether_it_obeys(self, run, table, tmp_path):
+        code, out, _ = run("export", table, "circle", "-o", tmp_path / "p.fpr")
+        assert code == 0
+        assert "it obeys neither override nor hold (plan it with --override-reserve)" in out
+        assert run("plan", "circle", "--override-reserve", 0.2, "-o", tmp_path / "reserve.csv")[0] == 0
+        code, out, _ = run("export", tmp_path / "reserve.csv", "circle", "-o", tmp_path / "p.fpr")
+        stop = read_plan_file(tmp_path / "p.fpr").governor.stop_time
+        assert f"it obeys override and hold, and a hold from full rate takes {stop:.3g} s" in out
+
     def test_the_plan_file_of_the_step_with_the_lines_of_the_program(self, run, tmp_path):
         table, file = tmp_path / "table.csv", tmp_path / "part.fpr"
         assert run("plan", SLOTS, "--tolerance-mm", 0.01, "-o", table)[0] == 0
