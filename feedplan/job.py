@@ -177,7 +177,7 @@ class Job:
 
         progress("planning without the reserve", None)
         try:
-            found = self.plan(progress, **(options | {"override_reserve": 0.0}))
+            found = self.plan(progress, **{**options, "override_reserve": 0.0})
         except SolverError:
             return None
         return found if _rests(found) <= _rests(profile) else None
