@@ -166,10 +166,15 @@ def separate_notes(runs: list[FoundRun], line: IntArray, made: str = "made separ
         if len(some) == len(runs):
             which = "the path is"
         else:
-            shown = ", ".join(f"{line[run.first]} to {line[run.last - 1]}" for run in some[:_SHOWN])
-            which = f"lines {shown}{', ...' if len(some) > _SHOWN else ''} are"
+            shown = ", ".join(_between(line[run.first], line[run.last - 1]) for run in some[:_SHOWN])
+            single = len(some) == 1 and line[some[0].first] == line[some[0].last - 1]
+            which = f"line {shown} is" if single else f"lines {shown}{', ...' if len(some) > _SHOWN else ''} are"
         notes.append(f"{which} {made}: {reason}")
     return notes
+
+
+def _between(first: int, last: int) -> str:
+    return f"{first}" if first == last else f"{first} to {last}"
 
 
 def left_out(
@@ -250,7 +255,7 @@ def _reason_of_blocks(blocks: MovingBlocks, junctions: Junctions, first: int, la
             bool(blocks.apart[first : last - 1].any()),
             "its feed is measured along other axes from some block on",
         ),
-        (bool((tolerance <= 0.0).any()) and count > 1, "it has no tolerance"),
+        (bool((tolerance <= 0.0).any()) and (count > 1 or bool(legs.curved[first])), "it has no tolerance"),
         (count > _MAX_BLOCKS, f"it has {count} blocks, more than {_MAX_BLOCKS}"),
         (short > _MAX_SHORT, f"{short} of its {count} blocks are shorter than {_SHORT:g} times their tolerance"),
         (

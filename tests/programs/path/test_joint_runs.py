@@ -280,8 +280,15 @@ def test_an_arc_by_itself_keeps_the_chord_error_and_a_line_need_not():
     path, _ = planned(program(line(30, 0, stop=True), arc((0, 30), (0, 0), 0.25)), limits)
     assert (path.counts["runs"], path.counts["joint"]) == (2, 1)
     assert path.notes == (
-        "lines 2 to 2 are made separately from the feed: the chord error limits the acceleration to less than the axes do",
+        "line 2 is made separately from the feed: the chord error limits the acceleration to less than the axes do",
     )
+
+
+def test_an_arc_by_itself_without_a_tolerance_is_made_separately():
+    stops = line(30, 0, stop=True), arc((30, 20), (30, 10), 0.5, stop=True), arc((30, 0), (30, 10), 0.5, stop=True)
+    path, _ = planned(program(*stops, line(0, 0), tolerance=0.0), tolerance=None)
+    assert (path.counts["runs"], path.counts["joint"]) == (4, 2)
+    assert path.notes == ("lines 2, 3 are made separately from the feed: it has no tolerance",)
 
 
 @pytest.mark.parametrize(("jerk", "joint"), [(50.0, 1), (2.0, 0)])
