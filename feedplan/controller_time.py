@@ -77,18 +77,19 @@ def chosen_controllers(names: Sequence[str], settings: Sequence[str]) -> dict[st
     words = [word.strip() for text in names for word in text.split(",")]
     wanted = list(CONTROLLERS) if ALL in words else list(dict.fromkeys(known_controller(word).name for word in words))
     chosen: dict[str, dict[str, float]] = {name: {} for name in wanted}
+    if settings and not wanted:
+        raise InputError(f"controller setting {shorten(repr(settings[0]))} needs the controller that it is for")
     for text in settings:
         key, sign, value = (part.strip() for part in text.partition("="))
         number = plain_number(value)
         keys = [known for name in wanted for known in CONTROLLERS[name].keys]
         if not sign or number is None:
             raise InputError(
-                f"controller setting {shorten(repr(text))} must be KEY=VALUE with a number, such as {(keys or ['KEY'])[0]}=1"
+                f"controller setting {shorten(repr(text))} must be KEY=VALUE with a number, such as {keys[0]}=1"
             )
         if key not in keys:
-            of = ", ".join(wanted) or "no controller"
             raise InputError(
-                f"controller setting {shorten(repr(key))}: {of} has none; there are {', '.join(keys) or 'none'}"
+                f"controller setting {shorten(repr(key))}: {', '.join(wanted)} has none; there are {', '.join(keys)}"
             )
         for name in wanted:
             if key in CONTROLLERS[name].keys:

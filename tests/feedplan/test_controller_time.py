@@ -96,7 +96,7 @@ class TestChoice:
             (["grbl"], ["junction_deviation_mm"], "must be KEY=VALUE with a number, such as junction_deviation_mm=1"),
             (["grbl"], ["junction_deviation_mm=small"], "must be KEY=VALUE"),
             (["grbl"], ["square_corner_velocity_mm_s=5"], "grbl has none; there are junction_deviation_mm, "),
-            ([], ["junction_deviation_mm=0.1"], "no controller has none; there are none"),
+            ([], ["junction_deviation_mm=0.1"], "'junction_deviation_mm=0.1' needs the controller that it is for"),
         ],
     )
     def test_refused(self, names, settings, message):
