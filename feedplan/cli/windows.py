@@ -127,7 +127,8 @@ def _text(plan: ProgramPlan, program: str, machine: str, seconds: float) -> list
         "every limit holds" if plan.ok else f"{len(plan.violations)} limits do not hold",
         f"{program}: {plan.blocks} blocks, {plan.length:.6g} mm, {plan.duration:.6f} s on {machine}"
         + (f", dwells {plan.dwell:.6g} s beside it" if plan.dwell else ""),
-        f"planned in {seconds:.3g} s, {plan.windows} windows{resumed}; joints within {plan.joint_feed:.2g} mm/s and "
+        f"planned in {seconds:.3g} s, {plan.windows} window{'' if plan.windows == 1 else 's'}{resumed}; "
+        f"joints within {plan.joint_feed:.2g} mm/s and "
         f"{plan.joint_acceleration:.2g} mm/s^2",
         f"largest use of a limit {plan.worst:.7f}, {plan.worst_limit}",
         f"path within {1e3 * plan.deviation:.4g} um of the program (line {plan.deviation_line}), "
