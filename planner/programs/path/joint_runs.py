@@ -46,6 +46,7 @@ _AIMS, _MET = (0.9995, 0.998, 0.995, 0.985, 0.96), 0.9998
 _WORTH = 1e-4  # of the time: where less is gained the path is left on the blocks
 # A run that the measure of the whole path finds beyond its tolerance by less is found again, with so much less of it.
 _NEARLY, _LESS, _MIN_ROOM = 1.05, 0.998, 0.8
+_NO_LENGTH = 4.0 * float(np.finfo(np.float64).eps)  # of a program
 _SHOWN = 4  # runs in a note
 _POINTS, _NEWTON_STEPS = 6, 3  # of a piece, at which its feed is looked at
 
@@ -150,7 +151,11 @@ def find_run(
         if sides is not None:
             run = replace(run, side=sides.allowed[first:last], plane=sides.plane)
         motion = _within_limits(blocks, first, limits, run, _within_tolerance(run))
-        return FoundRun(first, last, pieces_of(run, motion), room=room)
+        part = pieces_of(run, motion)
+        # At the end of the program the parameter has to tell both ends of a piece apart.
+        if np.diff(part.edges).min() <= _NO_LENGTH * float(blocks.programmed.edges[-1]):
+            raise SolverError("the motion found has a piece too short for the digits of the path")
+        return FoundRun(first, last, part, room=room)
     except SolverError as error:
         return FoundRun(first, last, None, str(error))
 

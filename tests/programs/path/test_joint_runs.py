@@ -291,6 +291,14 @@ def test_an_arc_by_itself_without_a_tolerance_is_made_separately():
     assert path.notes == ("lines 2, 3 are made separately from the feed: it has no tolerance",)
 
 
+@pytest.mark.parametrize("jerk", [1e5, 3e5, 1e6])
+def test_a_motion_with_a_piece_that_the_digits_of_the_path_do_not_hold_is_no_path(jerk):
+    """0.01 mm/min before the rest at the end, under a large jerk: the last piece of the motion is below 1e-15 mm."""
+    limits = Limits(100.0, 250.0, 1000.0, jerk, 1e-3, 1e-3, axes=("X", "Y"))
+    moves = line(0, 0.2, feed=1 / 60), line(20, 0.2, feed=250 / 3), line(20.001, 0.2, feed=1 / 6000)
+    planned(program(*moves), limits, 0.01)
+
+
 @pytest.mark.parametrize(("jerk", "joint"), [(50.0, 1), (2.0, 0)])
 def test_the_jerks_of_axes_are_compared_as_they_count_a_degree_as_a_mm(jerk, joint):
     """50 rad/s^3 are 2865 degrees/s^3, a seventh of the 20 000 mm/s^3 beside; 2 are too little."""
