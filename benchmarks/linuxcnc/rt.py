@@ -196,10 +196,14 @@ def _operate(
             for wait, command in knobs:
                 time.sleep(wait)
                 say(command)
+            # Said again until it is done: a last command that did not arrive would leave the plan held for ever.
+            last = ["sets run 1", *(command for _, command in knobs[-2:])]
             while not done():
                 if time.monotonic() > end:
                     raise RuntimeError("the plan did not come to its end")
-                time.sleep(0.05)
+                time.sleep(0.5)
+                for command in last:
+                    say(command)
             time.sleep(0.3)
         finally:
             sampler.terminate()
