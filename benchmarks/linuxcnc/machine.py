@@ -119,10 +119,17 @@ def _samples(path: Path) -> NDArray[np.float64]:
 
 
 @contextmanager
+def alone(name: str) -> Iterator[None]:
+    """Wait until no other process of this computer is within a lock of that name."""
+    with open(Path(tempfile.gettempdir(), name), "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+
+
+@contextmanager
 def the_only_linuxcnc() -> Iterator[None]:
     """Wait until no other of our LinuxCNCs runs: there is one real-time part a computer."""
-    with open(Path(tempfile.gettempdir(), _LOCK), "w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
+    with alone(_LOCK):
         yield
 
 

@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 
 from benchmarks.cases import mill
 from benchmarks.linuxcnc.interpreter import is_installed
-from benchmarks.linuxcnc.machine import SERVO_PERIOD, realtime_environment, run_program, the_only_linuxcnc
+from benchmarks.linuxcnc.machine import SERVO_PERIOD, alone, realtime_environment, run_program, the_only_linuxcnc
 from feedplan.job import load_job
 from feedplan.sources import PATH_SHARE, is_program
 from interp.plan_file import plan_bytes
@@ -43,6 +43,7 @@ from planner.machine.limits import Limits
 ROOT = Path(__file__).resolve().parents[2]
 PROGRAMS = ROOT / "tests" / "data" / "programs"
 MODULES = Path("/usr/lib/linuxcnc/modules")
+_MODULE = "feedplan_rt.so"
 LIMITS = mill(dim=3)
 RESERVE = 0.1
 TOLERANCE = 0.01  # mm, of programs
@@ -83,8 +84,22 @@ def can_build() -> bool:
 
 @contextmanager
 def component() -> Iterator[None]:
-    """Build feedplan_rt and put it where LinuxCNC loads modules from, for the time being."""
-    module = MODULES / "feedplan_rt.so"
+    """Build feedplan_rt and put it where LinuxCNC loads modules from, for the time being; one process at a time."""
+    module = MODULES / _MODULE
+    with alone(f"{_MODULE}.lock"):
+        before = module.read_bytes() if module.exists() else None
+        module.write_bytes(_built())
+        try:
+            yield
+        finally:
+            if before is None:
+                module.unlink(missing_ok=True)
+            else:
+                module.write_bytes(before)
+
+
+def _built() -> bytes:
+    """The module, compiled in a folder of its own."""
     with tempfile.TemporaryDirectory(prefix="feedplan-rt-") as name:
         folder = Path(name)
         (folder / "interp").symlink_to(ROOT / "interp")
@@ -96,18 +111,10 @@ def component() -> Iterator[None]:
             check=False,
             env={**os.environ, "PATH": "/usr/bin:/bin:/usr/sbin:/sbin"},
         )
-        built = folder / module.name
+        built = folder / _MODULE
         if run.returncode or not built.is_file():
             raise RuntimeError(f"halcompile failed:\n{run.stdout[-3000:]}{run.stderr[-3000:]}")
-        before = module.read_bytes() if module.exists() else None
-        shutil.copy(built, module)
-    try:
-        yield
-    finally:
-        if before is None:
-            module.unlink(missing_ok=True)
-        else:
-            module.write_bytes(before)
+        return built.read_bytes()
 
 
 def configuration(plan: Path, dim: int, period: float = SERVO_PERIOD) -> str:
